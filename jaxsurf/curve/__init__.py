@@ -1,0 +1,2 @@
+from ._abstract import AbstractCurve as AbstractCurve
+from ._bspline import BSplineCurve as BSplineCurve

@@ -1,0 +1,104 @@
+"""The B-spline basis at one parameter: span, local values, matrices."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from ._knots import extend_periodic
+
+_SCAN_LIMIT = 256  # inner knots up to which comparing with all of them beats a binary search
+
+
+class BSplineBasis(eqx.Module):
+    """All basis functions of one knot vector, evaluated without 0/0 on a span that is never empty.
+
+    knots: (n + degree + 1,), or (n + 1,) if periodic: then the functions are those of the periodically continued
+    knots, and function i of the unrolled basis belongs to control point i mod n. Outside the domain the polynomials of the
+    first and last span continue; periodic parameters are wrapped. Source: de Boor, A Practical Guide to Splines, ch. X.
+    """
+
+    knots: Float[Array, "k"]
+    degree: int = eqx.field(static=True)
+    periodic: bool = eqx.field(static=True, default=False)
+
+    @property
+    def size(self) -> int:
+        """Number of control points."""
+        return self.knots.shape[0] - 1 if self.periodic else self.knots.shape[0] - self.degree - 1
+
+    @property
+    def domain(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """First and last parameter."""
+        if self.periodic:
+            return self.knots[0], self.knots[-1]
+        return self.knots[self.degree], self.knots[self.size]
+
+    @property
+    def unrolled_knots(self) -> Float[Array, "k2"]:
+        """The knots of the ordinary basis: periodic ones continued by `degree` on both sides."""
+        return extend_periodic(self.knots, self.degree) if self.periodic else self.knots
+
+    def local(self, u: Float[Array, ""]) -> tuple[Int[Array, ""], list[Float[Array, ""]]]:
+        """Index of the first function that does not vanish around `u`, and the values of the `degree + 1` of them.
+
+        The index is unrolled; `control_index` maps it to a control point.
+        """
+        p, knots = self.degree, self.unrolled_knots
+        if self.periodic:
+            u = _wrap(u, self.knots)
+        first = _first_function(knots, p, u)
+        # One gather of a row of 2p neighbouring knots per point; the table is built once per call.
+        spans = knots.shape[0] - 2 * p - 1
+        table = jnp.stack([knots[1 + i : 1 + i + spans] for i in range(2 * p)], axis=1)
+        near = table.at[first].get(mode="promise_in_bounds")
+        return first, local_values([near[i] for i in range(2 * p)], p, u)
+
+    def control_index(self, first: Int[Array, ""], offset: int) -> Int[Array, ""]:
+        """The control point of unrolled function `first + offset`."""
+        index = first + offset
+        return index % self.size if self.periodic else index
+
+    def row(self, u: Float[Array, ""]) -> Float[Array, "n"]:
+        """Values of all `n` functions at one parameter, most of them 0."""
+        first, values = self.local(u)
+        zeros = jnp.zeros(self.size, self.knots.dtype)
+        for i, value in enumerate(values):
+            zeros = zeros.at[self.control_index(first, i)].add(value, mode="promise_in_bounds")
+        return zeros
+
+    def matrix(self, u: Float[Array, "m"]) -> Float[Array, "m n"]:
+        """Collocation matrix: values of all functions at many parameters."""
+        return jax.vmap(self.row)(u)
+
+
+def local_values(near: list[Float[Array, ""]], degree: int, u: Float[Array, ""]) -> list[Float[Array, ""]]:
+    """The `degree + 1` nonzero basis values from the 2·degree knots around a non-empty span (The NURBS Book, A2.2)."""
+    values = [jnp.ones_like(u)]
+    for d in range(1, degree + 1):
+        carried = jnp.zeros_like(u)
+        raised = []
+        for r in range(d):
+            left, right = near[degree + r - d], near[degree + r]
+            share = values[r] / (right - left)
+            raised.append(carried + (right - u) * share)
+            carried = (u - left) * share
+        values = [*raised, carried]
+    return values
+
+
+def _first_function(knots: Float[Array, "k"], degree: int, u: Float[Array, ""]) -> Int[Array, ""]:
+    """Count the inner knots at or below `u`. Knots equal to an end of the domain never count as passed or passable,
+    so the span found is not empty, whatever the end multiplicities and wherever `u` is."""
+    start, end = knots[degree], knots[-degree - 1]
+    inner = knots[degree + 1 : -degree - 1]
+    steps = jnp.where(inner <= start, -jnp.inf, jnp.where(inner >= end, jnp.inf, inner))
+    if inner.shape[0] > _SCAN_LIMIT:
+        return jnp.searchsorted(steps, u, side="right").astype(jnp.int32)
+    return jnp.sum(u >= steps, dtype=jnp.int32)
+
+
+def _wrap(u: Float[Array, ""], knots: Float[Array, "k"]) -> Float[Array, ""]:
+    """Move `u` by whole periods into the domain; inside it nothing is rounded."""
+    period = knots[-1] - knots[0]
+    return u - period * jax.lax.stop_gradient(jnp.floor((u - knots[0]) / period))

@@ -1,0 +1,39 @@
+"""Points as they come out of a reader, and the checks that every format shares."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ._source import refusal
+
+
+def point_label(index: int) -> str:
+    """The name of a point for people: they count from 1."""
+    return f"point {index + 1}"
+
+
+class Rows(NamedTuple):
+    """Points (N, 3) and the name of the i-th one in messages ("line 17" in text, "point 17" elsewhere)."""
+
+    points: np.ndarray
+    label: Callable[[int], str] = point_label
+
+
+def checked_points(path: Path, rows: Rows) -> np.ndarray:
+    """The points as a float64 array of their own, shape (N, 3); none at all, NaN and infinite ones are refused."""
+    with np.errstate(invalid="ignore"):  # widening a signalling NaN warns, and is refused just below
+        points = np.array(rows.points, dtype=np.float64, order="C")
+    if points.shape[0] == 0:
+        raise refusal(path, "it holds no points; export it again")
+    bad = ~np.isfinite(points).all(axis=1)
+    if bad.any():
+        first = int(bad.argmax())
+        x, y, z = points[first].tolist()
+        raise refusal(
+            path,
+            f"expected finite coordinates, got ({x}, {y}, {z}) in {rows.label(first)} "
+            f"({int(bad.sum())} of {len(points)} points are NaN or infinite); remove them first",
+        )
+    return points

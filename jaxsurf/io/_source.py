@@ -1,0 +1,55 @@
+"""The bytes of a file, or one sentence that says why they cannot be read."""
+
+import os
+from pathlib import Path
+
+from .._errors import InputError
+
+_PACKED = {
+    b"\x1f\x8b": "packed by gzip",
+    b"BZh": "packed by bzip2",
+    b"\xfd7zXZ": "packed by xz",
+    b"7z\xbc\xaf": "packed by 7-Zip",
+    b"\x28\xb5\x2f\xfd": "packed by zstd",
+    b"Rar!": "packed by RAR",
+}
+
+
+def refusal(path: str | os.PathLike, sentence: str) -> InputError:
+    """The error "Cannot read '{path}': {sentence}."; the caller raises it."""
+    return InputError(f"Cannot read {str(path)!r}: {sentence}.")
+
+
+def reason(error: BaseException) -> str:
+    """The first line of another library's message, short enough to stand inside a sentence."""
+    lines = str(error).strip().splitlines()
+    return lines[0].strip(" .")[:120] if lines else type(error).__name__
+
+
+def read_bytes(path: str | os.PathLike) -> bytes:
+    """The whole file as bytes.
+
+    Raises `InputError` when the file is missing, a folder, no ordinary file, empty, packed, a Git LFS pointer, or may
+    not be read.
+    """
+    path = Path(path)
+    try:
+        if path.is_dir():
+            raise refusal(path, "it is a folder; give the name of a file")
+        if not path.exists():
+            raise refusal(path, "the file does not exist; check the name")
+        if not path.is_file():  # a pipe would wait for ever
+            raise refusal(path, "it is no ordinary file; copy its content into one")
+        data = path.read_bytes()
+    except PermissionError as error:
+        raise refusal(path, "permission denied; ask its owner for the right to read it") from error
+    except OSError as error:
+        raise refusal(path, f"the system says {error.strerror or reason(error)!r}") from error
+    if not data:
+        raise refusal(path, "the file is empty; export or copy it again")
+    for magic, packed in _PACKED.items():
+        if data.startswith(magic):
+            raise refusal(path, f"it is {packed}; unpack it first")
+    if data.startswith(b"version https://git-lfs"):
+        raise refusal(path, "it is a Git LFS pointer, not the data; fetch the data with `git lfs pull`")
+    return data
