@@ -1,11 +1,13 @@
 """B-spline curves."""
 
+from functools import reduce
+from operator import add
 from typing import Any
 
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from .._array import Numbers, as_float
+from .._array import Numbers, as_float, take
 from .._errors import InputError
 from .._registry import register
 from ..basis import BSplineBasis, check_knots
@@ -57,8 +59,5 @@ class BSplineCurve(AbstractCurve):
 def combine(basis: BSplineBasis, rows: Float[Array, "n d"], u: Float[Array, ""]) -> Float[Array, "d"]:
     """Σ B_i(u) rows_i, one gather of a row for each function that does not vanish."""
     first, values = basis.local(u)
-    total = None
-    for i, value in enumerate(values):
-        row = rows.at[basis.control_index(first, i)].get(mode="promise_in_bounds")
-        total = value * row if total is None else total + value * row
-    return total
+    unrolled = basis.unroll(rows)
+    return reduce(add, (value * take(unrolled, first + i) for i, value in enumerate(values)))

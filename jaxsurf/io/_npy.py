@@ -28,7 +28,8 @@ def array_from_npy(path: Path, data: bytes, *, name: str = "the array") -> np.nd
         shape, fortran, dtype = read_header(stream)
     except Exception as error:  # a damaged header may raise nearly anything: it is parsed as Python
         raise refusal(
-            path, f"expected {name} in numpy's .npy layout, got a damaged header ({reason(error)}); save it again"
+            path,
+            f"expected {name} in numpy's .npy layout, got a damaged header ({reason(error)}); save it again",
         ) from error
     if dtype.hasobject:
         raise refusal(path, f"expected numbers in {name}, got Python objects; save it with a numeric dtype")
@@ -39,9 +40,9 @@ def array_from_npy(path: Path, data: bytes, *, name: str = "the array") -> np.nd
             f"expected {promised} bytes of data in {name} for its shape {shape}, got {there}; "
             "the file is cut or damaged, copy or save it again",
         )
-    flat = np.frombuffer(data, dtype=dtype, offset=stream.tell(), count=math.prod(shape)) if promised else None
-    if flat is None:
+    if not promised:
         return np.empty(shape, dtype)
+    flat = np.frombuffer(data, dtype=dtype, offset=stream.tell())
     return flat.reshape(shape, order="F" if fortran else "C")
 
 
@@ -50,7 +51,15 @@ def zip_entries(path: Path, data: bytes) -> dict[str, bytes]:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             return {name: archive.read(name) for name in archive.namelist()}
-    except (zipfile.BadZipFile, zlib.error, OSError, EOFError, RuntimeError, ValueError, NotImplementedError) as error:
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        OSError,
+        EOFError,
+        RuntimeError,
+        ValueError,
+        NotImplementedError,
+    ) as error:
         raise refusal(
             path, f"the file is cut or damaged ({reason(error)}); copy it again from its source"
         ) from error
@@ -62,7 +71,7 @@ def read_npy(path: Path, data: bytes) -> Rows:
 
 
 def read_npz(path: Path, data: bytes) -> Rows:
-    """The array called `points`, `xyz`, `vertices` or `arr_0`, the only array, or the arrays `x`, `y` and `z` together."""
+    """The array `points`, `xyz`, `vertices` or `arr_0`, the only array, or `x`, `y` and `z` together."""
     if not data.startswith(b"PK"):
         raise refusal(path, "expected numpy's .npz layout, got something else; save it with `numpy.savez`")
     entries = {name.removesuffix(".npy"): content for name, content in zip_entries(path, data).items()}
@@ -79,21 +88,30 @@ def read_npz(path: Path, data: bytes) -> Rows:
             raise refusal(path, f"expected arrays `x`, `y` and `z` of one shape (N,), got {shapes}")
         return _as_points(path, np.stack(axes, axis=1), "the arrays `x`, `y` and `z`")
     raise refusal(
-        path, f"expected an array called `points`, got {', '.join(sorted(entries)) or 'none'}; save it under that name"
+        path,
+        f"expected an array called `points`, got {', '.join(sorted(entries)) or 'none'}; "
+        "save it under that name",
     )
 
 
 def _as_points(path: Path, array: np.ndarray, name: str) -> Rows:
     if array.dtype.names is not None:
         if not all(axis in array.dtype.names for axis in "xyz") or array.ndim != 1:
-            raise refusal(path, f"expected the fields x, y and z in {name}, got {', '.join(array.dtype.names)}")
+            raise refusal(
+                path, f"expected the fields x, y and z in {name}, got {', '.join(array.dtype.names)}"
+            )
         array = np.stack([array[axis] for axis in "xyz"], axis=-1)
     if array.dtype.kind not in "fiu":
-        raise refusal(path, f"expected real numbers in {name}, got the dtype {array.dtype}; save it as float64")
+        raise refusal(
+            path, f"expected real numbers in {name}, got the dtype {array.dtype}; save it as float64"
+        )
     if array.ndim != 2 or array.shape[1] < 3:
-        raise refusal(path, f"expected the shape (N, 3) of {name}, got {array.shape}; save one point in a row")
+        raise refusal(
+            path, f"expected the shape (N, 3) of {name}, got {array.shape}; save one point in a row"
+        )
     if array.shape[0] == 3 and array.shape[1] > 3:
         raise refusal(
-            path, f"expected the shape (N, 3) of {name}, got {array.shape}, which looks transposed; save its transpose"
+            path,
+            f"expected the shape (N, 3) of {name}, got {array.shape}; save its transpose",
         )
     return Rows(array[:, :3])

@@ -6,19 +6,33 @@ from .._errors import InputError
 from ..curve import BSplineCurve, NURBSCurve
 from ..surface import BSplineSurface, NURBSSurface, TrimmedSurface
 from ._occt_geometry import CONFUSION, geometric_surface, space_curve
-from ._occt_session import occt
+from ._occt_session import occt, occt_errors
 from ._occt_trim import loop_wire
+from ._shape_list import each_shape
 from ._spline_arrays import spline_arrays
+
+
+def topologies(shapes, *, function: str) -> list:
+    """One shape or a list of shapes as edges and faces; `function` names the caller in errors."""
+    return each_shape(shapes, functools.partial(_accepted, function=function), function=function)
+
+
+def _accepted(shape, *, function: str):
+    try:
+        return topology(shape, function=function)
+    except occt_errors() as error:
+        raise InputError(f"{function}: OCCT refuses this {type(shape).__name__} ({error}).") from error
 
 
 @functools.singledispatch
 def topology(shape, *, function: str):
     """The shape as an edge or a face; `function` is the name of the caller for the error messages.
 
-    Raises `InputError` for types that no CAD file knows, flat curves and geometry that OCCT refuses.
+    Raises `InputError` for types that no CAD file knows and flat curves, and OCCT's own errors.
     """
     raise InputError(
-        f"{function} cannot write a {type(shape).__name__}: convert it first with `js.to_bspline(shape, tol)`."
+        f"{function} cannot write a {type(shape).__name__}: "
+        f"convert it first with `js.to_bspline(shape, tol)`."
     )
 
 
@@ -30,23 +44,14 @@ def _(shape, *, function: str):
         raise InputError(
             f"{function} writes curves in space, got one with 2-D `control_points`: add a third column."
         )
-    maker = occt("BRepBuilderAPI").BRepBuilderAPI_MakeEdge(space_curve(arrays))
-    if not maker.IsDone():
-        raise InputError(
-            f"{function} cannot make an edge of a {type(shape).__name__} ({maker.Error().name}): is its length zero?"
-        )
-    return maker.Edge()
+    return occt("BRepBuilderAPI").BRepBuilderAPI_MakeEdge(space_curve(arrays)).Edge()
 
 
 @topology.register(BSplineSurface)
 @topology.register(NURBSSurface)
 def _(shape, *, function: str):
-    maker = occt("BRepBuilderAPI").BRepBuilderAPI_MakeFace(geometric_surface(spline_arrays(shape)), CONFUSION)
-    if not maker.IsDone():
-        raise InputError(
-            f"{function} cannot make a face of a {type(shape).__name__} ({maker.Error().name}): is its area zero?"
-        )
-    return maker.Face()
+    surface = geometric_surface(spline_arrays(shape))
+    return occt("BRepBuilderAPI").BRepBuilderAPI_MakeFace(surface, CONFUSION).Face()
 
 
 @topology.register

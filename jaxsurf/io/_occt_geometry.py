@@ -1,10 +1,10 @@
-"""Spline arrays as OCCT geometry."""
+"""Spline arrays as OCCT geometry, and back."""
 
 import numpy as np
 
 from .._errors import InputError
 from ._occt_session import occt
-from ._spline_arrays import SplineArrays
+from ._spline_arrays import SplineArrays, standard_arrays
 
 # OCCT's own limit, Geom_BSplineCurve::MaxDegree.
 LARGEST_DEGREE = 25
@@ -53,19 +53,58 @@ def geometric_surface(arrays: SplineArrays):
     )
 
 
+def curve_arrays(curve) -> SplineArrays:
+    """The arrays of a Geom_BSplineCurve or Geom2d_BSplineCurve."""
+    numbers = range(1, curve.NbPoles() + 1)
+    points = np.array([_coordinates(curve.Pole(i)) for i in numbers])
+    weights = np.array([curve.Weight(i) for i in numbers]) if curve.IsRational() else None
+    knots = [(curve.Knot(i), curve.Multiplicity(i)) for i in range(1, curve.NbKnots() + 1)]
+    periodic = curve.IsPeriodic()
+    return standard_arrays(points, weights, (_flat(knots, periodic),), (curve.Degree(),), (periodic,))
+
+
+def surface_arrays(surface) -> SplineArrays:
+    """The arrays of a Geom_BSplineSurface."""
+    rows, columns = range(1, surface.NbUPoles() + 1), range(1, surface.NbVPoles() + 1)
+    points = np.array([[_coordinates(surface.Pole(i, j)) for j in columns] for i in rows])
+    weights = None
+    if surface.IsURational() or surface.IsVRational():
+        weights = np.array([[surface.Weight(i, j) for j in columns] for i in rows])
+    periodic = (surface.IsUPeriodic(), surface.IsVPeriodic())
+    knots_u = [(surface.UKnot(i), surface.UMultiplicity(i)) for i in range(1, surface.NbUKnots() + 1)]
+    knots_v = [(surface.VKnot(i), surface.VMultiplicity(i)) for i in range(1, surface.NbVKnots() + 1)]
+    knots = (_flat(knots_u, periodic[0]), _flat(knots_v, periodic[1]))
+    return standard_arrays(points, weights, knots, (surface.UDegree(), surface.VDegree()), periodic)
+
+
+def _coordinates(point) -> tuple[float, ...]:
+    return (point.X(), point.Y(), point.Z()) if hasattr(point, "Z") else (point.X(), point.Y())
+
+
+def _flat(knots, periodic: bool) -> np.ndarray:
+    """Knots with repetitions; periodic ones from the last repetition of the first knot on, one a pole."""
+    values, counts = (np.array(column) for column in zip(*knots, strict=True))
+    if not periodic:
+        return np.repeat(values, counts)
+    round_ = np.repeat(values[:-1], counts[:-1])
+    start, period = counts[0] - 1, values[-1] - values[0]
+    return np.concatenate([round_[start:], round_[: start + 1] + period])
+
+
 def _knots_and_degree(arrays: SplineArrays, direction: int):
     """Distinct knots, how often each is repeated, and the degree: OCCT's description of one direction."""
     degree = arrays.degrees[direction]
     if degree > LARGEST_DEGREE:
         raise InputError(
-            f"CAD files go up to degree {LARGEST_DEGREE}, got {degree}: lower it with `js.to_bspline(shape, tol)`."
+            f"Degrees in a CAD file go up to {LARGEST_DEGREE}, got {degree}: "
+            f"lower it with `js.to_bspline(shape, tol)`."
         )
     knots, counts = np.unique(arrays.knots[direction], return_counts=True)
     close = np.flatnonzero(np.diff(knots) <= np.spacing(np.abs(knots[:-1])))
     if len(close):
         raise InputError(
-            f"Distinct knots in a CAD file must differ by more than one rounding step, got {knots[close[0]]!r} and "
-            f"{knots[close[0] + 1]!r}: make them equal."
+            f"Distinct knots in a CAD file must differ by more than one rounding step, "
+            f"got {knots[close[0]]} and {knots[close[0] + 1]}: make them equal."
         )
     collections = occt("collections")
     return _array(collections.Array1_double, knots), _array(collections.Array1_int, counts), degree

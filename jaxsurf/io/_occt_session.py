@@ -1,6 +1,7 @@
 """One quiet visit to OCCT: its messages held back, its process-wide settings changed and put back."""
 
 import contextlib
+import functools
 import threading
 from collections.abc import Iterator, Mapping
 
@@ -13,6 +14,14 @@ _table_in_use = threading.RLock()
 def occt(module: str):
     """A module of OCCT, such as `occt("Geom")`; imported on first use because that takes a second."""
     return import_optional(f"OCP.{module}", extra="cad", purpose="CAD files")
+
+
+@functools.cache
+def occt_errors() -> tuple[type[Exception], ...]:
+    """The exceptions of OCCT; they share no base but Exception."""
+    rooms = (occt("Standard"), occt("StdFail"), occt("Geom"))
+    found = (thing for room in rooms for thing in vars(room).values())
+    return tuple(thing for thing in found if isinstance(thing, type) and issubclass(thing, Exception))
 
 
 @contextlib.contextmanager

@@ -22,7 +22,7 @@ class Rows(NamedTuple):
 
 
 def checked_points(path: Path, rows: Rows) -> np.ndarray:
-    """The points as a float64 array of their own, shape (N, 3); none at all, NaN and infinite ones are refused."""
+    """The points as a float64 array of their own, shape (N, 3); NaN, infinite or no points are refused."""
     with np.errstate(invalid="ignore"):  # widening a signalling NaN warns, and is refused just below
         points = np.array(rows.points, dtype=np.float64, order="C")
     if points.shape[0] == 0:

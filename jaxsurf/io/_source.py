@@ -1,10 +1,14 @@
 """The bytes of a file, or one sentence that says why they cannot be read."""
 
 import os
+import warnings
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 from .._errors import InputError
 
+_T = TypeVar("_T")
 _PACKED = {
     b"\x1f\x8b": "packed by gzip",
     b"BZh": "packed by bzip2",
@@ -29,8 +33,8 @@ def reason(error: BaseException) -> str:
 def read_bytes(path: str | os.PathLike) -> bytes:
     """The whole file as bytes.
 
-    Raises `InputError` when the file is missing, a folder, no ordinary file, empty, packed, a Git LFS pointer, or may
-    not be read.
+    Raises `InputError` when the file is missing, a folder, no ordinary file, empty, packed, a Git LFS
+    pointer, or may not be read.
     """
     path = Path(path)
     try:
@@ -53,3 +57,18 @@ def read_bytes(path: str | os.PathLike) -> bytes:
     if data.startswith(b"version https://git-lfs"):
         raise refusal(path, "it is a Git LFS pointer, not the data; fetch the data with `git lfs pull`")
     return data
+
+
+def guarded(path: Path, kind: str, read: Callable[[], _T]) -> _T:
+    """Whatever a foreign reader raises on a damaged file becomes one sentence; its warnings stay inside."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return read()
+    except (InputError, KeyboardInterrupt, SystemExit, GeneratorExit):
+        raise
+    except BaseException as error:  # a panic of a Rust library derives from BaseException
+        raise refusal(
+            path,
+            f"its {kind} data cannot be read ({reason(error)}); the file is cut or damaged, copy it again",
+        ) from error

@@ -26,10 +26,10 @@ class SplineArrays:
 
 @functools.singledispatch
 def spline_arrays(shape) -> SplineArrays:
-    """The arrays of a B-spline or NURBS shape: periodic ones unrolled, unclamped ones clamped, all checked finite.
+    """The arrays of a B-spline or NURBS shape, unrolled and clamped where needed, checked to be finite.
 
-    The points of the shape do not move (round-off: 1e-15 of its size); clamped control data come out bit for bit.
-    Raises `InputError` for control data that are not finite and `TypeError` for any other type of shape.
+    The points of the shape do not move (1e-15 of its size); clamped data come out bit for bit.
+    Raises `InputError` for control data that are not finite or a single point, `TypeError` for other shapes.
     """
     raise TypeError(f"spline_arrays is not defined for {type(shape).__name__}.")
 
@@ -58,10 +58,20 @@ def _(shape: NURBSSurface) -> SplineArrays:
 
 def _standard(shape, weights, knot_names, degrees, periodic) -> SplineArrays:
     points = _finite(shape, "control_points", shape.control_points)
+    if not np.any(points != points.reshape(-1, points.shape[-1])[0]):
+        raise InputError(
+            f"`control_points` of a {type(shape).__name__} are all the same point: leave the shape out."
+        )
     knots = [_finite(shape, name, getattr(shape, name)) for name in knot_names]
-    net = points
     if weights is not None:
         weights = _finite(shape, "weights", weights)
+    return standard_arrays(points, weights, knots, degrees, periodic)
+
+
+def standard_arrays(points, weights, knots, degrees, periodic) -> SplineArrays:
+    """Unroll and clamp control data; knots in the library's form, degrees and periodicity per direction."""
+    net, knots = points, list(knots)
+    if weights is not None:
         net = np.concatenate([points * weights[..., None], weights[..., None]], axis=-1)
     changed = False
     for axis, degree in enumerate(degrees):
@@ -112,7 +122,7 @@ def _is_clamped(knots, degree) -> bool:
 
 
 def _clamped(net, knots, degree, axis):
-    """Insert the ends of the domain until the end points lie on the shape; drop what lies outside the domain."""
+    """Insert the domain's ends until the end points lie on the shape; drop what lies outside."""
     net = np.moveaxis(net, axis, 0)
     for _ in range(2):  # the start, then the end as the start of the reversed spline
         net, knots = _clamped_start(net, knots, degree)

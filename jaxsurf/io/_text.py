@@ -12,7 +12,7 @@ _CUT = "the file is cut or damaged there; copy or export it again"
 
 
 def text_lines(path: Path, data: bytes) -> list[str]:
-    """The lines of a text file, whatever its byte order mark and its line ends (LF, CRLF, CR); an end of file is no line.
+    """The lines of a text file, whatever its byte order mark and line ends (LF, CRLF, CR).
 
     Bytes that are not ASCII occur in comments only, so they need no right decoding; binary data is refused.
     """
@@ -40,8 +40,8 @@ def parse_table(
 ) -> np.ndarray:
     """The wanted columns of rows that all have `width` columns, as float64 of shape (rows, columns).
 
-    `numbers` are the rows' line numbers in the file; other columns may hold anything. Raises `InputError` at the first
-    row with another width or with something that is not a number.
+    `numbers` are the rows' line numbers in the file; other columns may hold anything. Raises `InputError` at
+    the first row with another width or with something that is not a number.
     """
     if delimiter is None:
         widths = np.fromiter((len(row.split()) for row in rows), dtype=np.int64, count=len(rows))
@@ -76,8 +76,8 @@ def refuse_cut_end(
 ) -> None:
     """Refuse a last row that stops inside its last number.
 
-    Half a number is a number too, so this is seen only when the file has no last line end and the rows before agree on
-    more decimals than the last row has.
+    Half a number is a number too, so this is seen only when the file has no last line end and the rows before
+    agree on more decimals than the last row has.
     """
     if data.endswith((b"\n", b"\r", b"\n\0", b"\0\n")) or len(rows) < 20:
         return
@@ -85,6 +85,6 @@ def refuse_cut_end(
     if len(set(decimals[:-1])) == 1 and decimals[-1] < decimals[0]:
         raise refusal(
             path,
-            f"line {number}, the last, stops inside a number: expected {decimals[0]} decimals as in the lines before, "
+            f"line {number}, the last, stops inside a number: expected {decimals[0]} decimals as before it, "
             f"got {decimals[-1]} and no line end; {_CUT}",
         )

@@ -3,6 +3,7 @@
 from .._errors import InputError
 
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+OCCT_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH"}
 
 
 def check_unit(unit: str) -> str:

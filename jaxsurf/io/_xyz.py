@@ -15,8 +15,8 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 def read_text(path: Path, data: bytes) -> Rows:
     """One point in a row, columns apart by white space, commas, semicolons or tabs.
 
-    `#` and `//` begin comments. A first row of names says which columns are x, y and z, otherwise they are the first
-    three; a first row of one integer is the number of points (.pts) and is checked.
+    `#` and `//` begin comments. A first row of names says which columns are x, y and z, otherwise they are
+    the first three; a first row of one integer is the number of points (.pts) and is checked.
     """
     rows, numbers = _without_comments(text_lines(path, data))
     if rows and re.fullmatch(r"\d+", rows[0]):
@@ -66,7 +66,7 @@ def _without_count(path: Path, rows: list[str], numbers: list[int]) -> tuple[lis
     if promised != len(rows):
         raise refusal(
             path,
-            f"expected {promised} points as its first row says, got {len(rows)} rows; the file is cut or damaged",
+            f"expected {promised} points as its first row says, got {len(rows)}; the file is cut or damaged",
         )
     return rows, numbers
 
@@ -110,5 +110,6 @@ def _refuse_decimal_comma(path: Path, row: str, delimiter: str | None, number: i
 def _decimal_comma(path: Path, row: str, number: int):
     return refusal(
         path,
-        f"expected decimal points, got decimal commas in line {number}: {row[:60]!r}; export it with decimal points",
+        f"expected decimal points, got decimal commas in line {number}: {row[:60]!r}; "
+        "export it with decimal points",
     )

@@ -10,10 +10,11 @@ from .._errors import InputError
 class Mesh(eqx.Module):
     """Triangles on a surface, with the parameters and the unit normals of their corners.
 
-    vertices: (n, 3) in the surface's unit; faces: (m, 3) indices, counter-clockwise seen from the normals' side;
-    parameters: (n, 2), the (u, v) of each vertex; normals: (n, 3), S_u × S_v made unit; max_error: the largest measured
-    distance of the surface from its triangle. Seams are not welded: the two sides of a closed surface have their own
-    vertices, because their parameters differ. Raises `InputError` on shapes that do not fit.
+    vertices: (n, 3) in the surface's unit; faces: (m, 3) indices, counter-clockwise seen from the normals'
+    side; parameters: (n, 2), the (u, v) of each vertex; normals: (n, 3), S_u × S_v made unit; max_error: the
+    largest measured distance of the surface from its triangle. Seams are not welded: the two sides of a
+    closed surface have their own vertices, because their parameters differ. Raises `InputError` on shapes
+    that do not fit.
     """
 
     vertices: Float[np.ndarray, "n 3"] = eqx.field(converter=np.asarray)
@@ -31,4 +32,7 @@ class Mesh(eqx.Module):
         if self.faces.ndim != 2 or self.faces.shape[1] != 3:
             raise InputError(f"`faces` must have shape (m, 3), got {self.faces.shape}.")
         if self.faces.size and (self.faces.min() < 0 or self.faces.max() >= count):
-            raise InputError(f"`faces` must hold indices from 0 to {count - 1}, got {self.faces.min()} to {self.faces.max()}.")
+            raise InputError(
+                f"`faces` must hold indices from 0 to {count - 1}, "
+                f"got {self.faces.min()} to {self.faces.max()}."
+            )

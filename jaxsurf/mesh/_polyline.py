@@ -1,31 +1,31 @@
 """Polylines that stand for a curve."""
 
-from typing import Any
-
 import numpy as np
 from jaxtyping import Float
 
 from .._errors import InputError
+from ..curve import AbstractCurve
 from ._chords import chord_indices
-from ._evaluate import curve_at
+from ._evaluate import between_breaks, breaks_within, curve_at
 
 MOST_POINTS = 8192
 RELATIVE_TOLERANCE = 1e-3
 
 
 def polyline(
-    curve: Any, *, tolerance: float | None = None, resolution: int | None = None
+    curve: AbstractCurve, *, tolerance: float | None = None, resolution: int | None = None
 ) -> Float[np.ndarray, "n d"]:
     """Points along a curve, ends included, whose chords stay within `tolerance` of it.
 
-    `tolerance` (default: 1e-3 of the bounding box's diagonal) is a length; `resolution` is a number of points, evenly spaced
-    in the parameter. At most 8193 points. Raises `InputError` if both are given or one is not positive.
+    `tolerance` (default: 1e-3 of the bounding box's diagonal) is a length; `resolution` is a number of
+    points, evenly spaced in the parameter. At most 8193 points. Raises `InputError` if both are given or one
+    is not positive.
     """
     return curve_at(curve, chord_parameters(curve, tolerance=tolerance, resolution=resolution))
 
 
 def chord_parameters(
-    curve: Any, *, tolerance: float | None = None, resolution: int | None = None
+    curve: AbstractCurve, *, tolerance: float | None = None, resolution: int | None = None
 ) -> Float[np.ndarray, "n"]:
     """The parameters of `polyline`."""
     check_density(tolerance, resolution is not None)
@@ -34,12 +34,12 @@ def chord_parameters(
         if resolution < 2:
             raise InputError(f"`resolution` must be at least 2, got {resolution}.")
         return np.linspace(first, last, resolution)
-    steps = 256
+    places, steps = breaks_within(curve, None, first, last), 256
     while True:
-        parameters = np.linspace(first, last, steps + 1)
+        parameters, span = between_breaks(places, steps)
         points = curve_at(curve, parameters)
         wanted = RELATIVE_TOLERANCE * diagonal(points) if tolerance is None else tolerance
-        chosen, proved = chord_indices(points[:, None, :], wanted)
+        chosen, proved = chord_indices(points[:, None, :], wanted, span)
         if proved or steps >= MOST_POINTS:
             return parameters[chosen]
         steps *= 4

@@ -1,0 +1,87 @@
+"""Curvature, torsion and Frenet frame of curves."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._array import Numbers, as_float, eps, map_points
+from .._errors import InputError
+from .._safe import divide, norm, unit
+from ..curve import AbstractCurve
+
+
+class FrenetFrame(eqx.Module):
+    """Unit tangent, principal normal and binormal, right-handed, each (..., 3); with curvature and torsion, each (...)."""
+
+    tangent: Float[Array, "*batch 3"]
+    normal: Float[Array, "*batch 3"]
+    binormal: Float[Array, "*batch 3"]
+    curvature: Float[Array, "*batch"]
+    torsion: Float[Array, "*batch"]
+
+
+def curve_curvature(curve: AbstractCurve, u: Numbers) -> Float[Array, "*batch"]:
+    """κ = |C' × C''| / |C'|³ in 1 / length; of a plane curve (points (x, y)) signed, positive where it turns left.
+
+    In space κ ≥ 0; where it vanishes (a straight piece, an inflection) its gradient is 0. Where C' = 0 it is
+    0. Source: do Carmo, Differential Geometry of Curves and Surfaces, §1-5.
+    """
+    return map_points(_curvature_at, curve, as_float(u, curve.dtype))
+
+
+def torsion(curve: AbstractCurve, u: Numbers) -> Float[Array, "*batch"]:
+    """τ = ⟨C' × C'', C'''⟩ / |C' × C''|² in 1 / length, positive for a right-handed helix; 0 where the curve is straight.
+
+    Source: do Carmo, §1-5 (with the opposite sign of τ).
+    """
+    return frenet_frame(curve, u).torsion
+
+
+def frenet_frame(curve: AbstractCurve, u: Numbers) -> FrenetFrame:
+    """Frenet frame of a curve in space: tangent T = C'/|C'|, binormal B along C' × C'', normal N = B × T.
+
+    Where the curve is straight, B is perpendicular to T and to the coordinate axis that is furthest from T;
+    on both sides of an inflection N and B are opposite, as they are by definition. Where C' = 0, T is 0.
+    Gradients are finite everywhere.
+    """
+    if eqx.filter_eval_shape(curve.point, jnp.zeros((), curve.dtype)).shape != (3,):
+        raise InputError(
+            "`curve` must be a curve in space for a Frenet frame; give its points a third coordinate."
+        )
+    return map_points(_frame_at, curve, as_float(u, curve.dtype))
+
+
+def _curvature_at(curve: AbstractCurve, u: Float[Array, ""]) -> Float[Array, ""]:
+    first, second = _derivatives(curve, u)[:2]
+    speed = norm(first)
+    turn = jnp.cross(first, second)
+    return divide(turn if first.shape == (2,) else norm(turn), speed**3)
+
+
+def _frame_at(curve: AbstractCurve, u: Float[Array, ""]) -> FrenetFrame:
+    first, second, third = _derivatives(curve, u)
+    tangent = unit(first)
+    speed = norm(first)
+    turn = jnp.cross(first, second)
+    # What is left of C' × C'' on a straight line is round-off, up to a few eps of the product.
+    bent = norm(turn) > 64 * eps(u.dtype) * speed * norm(second)
+    turn = jnp.where(bent, turn, 0)
+    axis = jnp.eye(3, dtype=u.dtype)[jax.lax.stop_gradient(jnp.argmin(jnp.abs(tangent)))]
+    binormal = jnp.where(bent, unit(turn), unit(jnp.cross(tangent, axis)))
+    return FrenetFrame(
+        tangent,
+        jnp.cross(binormal, tangent),
+        binormal,
+        divide(norm(turn), speed**3),
+        divide(jnp.sum(turn * third), jnp.sum(turn * turn)),
+    )
+
+
+def _derivatives(curve: AbstractCurve, u: Float[Array, ""]) -> tuple[Array, Array, Array]:
+    """C', C'' and C'''."""
+    one = jnp.ones_like(u)
+    first = lambda t: jax.jvp(curve.point, (t,), (one,))[1]
+    second = lambda t: jax.jvp(first, (t,), (one,))
+    (along, bend), (_, third) = jax.jvp(second, (u,), (one,))
+    return along, bend, third

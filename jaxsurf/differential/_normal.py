@@ -1,0 +1,115 @@
+"""Unit normals, also where the parametrisation is degenerate."""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._array import Numbers, as_float, concrete, eps, is_concrete, map_points
+from .._safe import divide, norm, unit
+from ..surface import AbstractSurface
+from ._partials import PARTIALS_CHUNK, Partials, partials_at
+
+Result = TypeVar("Result")
+
+
+def normal(surface: AbstractSurface, u: Numbers, v: Numbers) -> Float[Array, "*batch 3"]:
+    """Unit normals S_u × S_v / |S_u × S_v|, (..., 3) for u and v broadcast against each other.
+
+    Where S_u × S_v vanishes (a pole, an apex, an edge shrunk to a point) the result is the limit from inside
+    the domain: with C(t) = S_u × S_v on the way from there into the domain, the first of C'(0), C''(0) that
+    does not vanish. The way goes along v where only S_u vanishes, along u where only S_v does, otherwise
+    straight to the middle of the domain; so the limit at the apex of a cone is that of its ruling. If C''
+    vanishes too, the result is 0. Gradients are finite everywhere.
+    """
+    u, v = jnp.broadcast_arrays(as_float(u, surface.dtype), as_float(v, surface.dtype))
+    return where_degenerate(_direct_at, _limit_at, surface, u, v)
+
+
+def normal_at(surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
+    """`normal` at one pair of parameters, for use inside traced code; works out the limit at every point."""
+    return _limit_at(surface, u, v)
+
+
+def where_degenerate(
+    direct: Callable[..., tuple[Result, Array]],
+    limit: Callable[..., Result],
+    surface: AbstractSurface,
+    u: Float[Array, "*b"],
+    v: Float[Array, "*b"],
+) -> Result:
+    """`direct` at all points, which also says where it fails, and the dear `limit` there, if anywhere at all."""
+    found, failed = map_points(direct, surface, u, v, chunk=PARTIALS_CHUNK)
+
+    def mended() -> Result:
+        limits = map_points(limit, surface, u, v, chunk=PARTIALS_CHUNK)
+        pick = lambda a, b: jnp.where(failed.reshape(failed.shape + (1,) * (a.ndim - failed.ndim)), a, b)
+        return jax.tree.map(pick, limits, found)
+
+    if is_concrete(failed):
+        return mended() if concrete(failed).any() else found  # does not even compile what is not needed
+    return jax.lax.cond(jnp.any(failed), mended, lambda: found)
+
+
+def _direct_at(
+    surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]
+) -> tuple[Float[Array, "3"], Array]:
+    first = partials_at(surface, u, v)
+    return unit(cross_product(first)), is_degenerate(surface, first)
+
+
+def is_degenerate(surface: AbstractSurface, first: Partials) -> Array:
+    """Whether S_u × S_v may be too small against the larger partial, over the domain's lengths, to give a direction."""
+    (a, b), (c, d) = surface.domain
+    along_u, along_v = norm(first.u) * (b - a), norm(first.v) * (d - c)
+    area = norm(cross_product(first)) * (b - a) * (d - c)
+    return area <= _closeness(area.dtype) * jnp.maximum(along_u, along_v) ** 2
+
+
+def cross_product(first: Partials) -> Float[Array, "3"]:
+    """S_u × S_v, whose length is the area per unit of the parameters."""
+    return jnp.cross(first.u, first.v)
+
+
+def inward_way(
+    surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """The way from a degenerate point into the domain: its lengths in u and v, signed towards the middle.
+
+    Where only S_u vanishes (an edge v = const shrunk to a point), the way is that along v, and the other way
+    round.
+    """
+    (a, b), (c, d) = surface.domain
+    first = partials_at(surface, u, v)
+    along_u, along_v = norm(first.u) * (b - a), norm(first.v) * (d - c)
+    close = _closeness(u.dtype)
+    inwards = lambda t, start, end: jnp.where(t < (start + end) / 2, 1, -1) * (end - start)
+    way_u = jnp.where((along_u <= close * along_v) & (along_v > 0), 0, inwards(u, a, b))
+    way_v = jnp.where((along_v <= close * along_u) & (along_u > 0), 0, inwards(v, c, d))
+    return jax.lax.stop_gradient(way_u).astype(u.dtype), jax.lax.stop_gradient(way_v).astype(u.dtype)
+
+
+def _limit_at(surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
+    """The normal from the Taylor coefficients of C(t) = S_u × S_v on the way t towards the middle of the domain."""
+    step_u, step_v = inward_way(surface, u, v)
+    way = lambda t: cross_product(partials_at(surface, u + t * step_u, v + t * step_v))
+    slope = lambda t: jax.jvp(way, (t,), (jnp.ones_like(t),))
+    value, first = slope(jnp.zeros_like(u))
+    # At a distance δ from the degenerate point C = δ C'(0) + δ²/2 C''(0), so C / δ is C' at δ/2, without the
+    # cancellation and with the right gradients. Third derivatives, for C'', would take five times as long to
+    # compile.
+    h = _closeness(u.dtype)
+    back = -divide(jnp.sum(value * first), jnp.sum(first * first)) / 2
+    _, (middle, near, far) = jax.vmap(slope)(jnp.stack([back, jnp.full_like(u, h), jnp.full_like(u, 2 * h)]))
+    second = (4 * near - far - 3 * first) / (2 * h)
+    regular = norm(value) > h * jnp.maximum(norm(first), h * norm(second))
+    simple = norm(first) > h * norm(second)
+    return unit(jnp.where(regular, value, jnp.where(simple, middle, second)))
+
+
+def _closeness(dtype: jnp.dtype) -> float:
+    # Further away C itself is good to eps / closeness, nearer the series is good to closeness²: equal at the
+    # cube root.
+    return eps(dtype) ** (1 / 3)

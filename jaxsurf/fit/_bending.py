@@ -1,0 +1,56 @@
+"""Bending energy of a B-spline net: the quiet background of a fit, which holds what no point determines."""
+
+from functools import singledispatch
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..basis import BSplineBasis
+from ..differential import basis_derivatives
+from ..surface import BSplineSurface
+
+
+@singledispatch
+def bending_matrix(shape: Any, sides: tuple[float, float]) -> Float[Array, "q q"] | None:
+    """Matrix K of the quadratic form Σ_xyz cᵀKc in the control points, or `None` for shapes that have none.
+
+    For a surface it is A ∬ |S_ss|² + 2|S_st|² + |S_tt|² ds dt over the sheet unrolled to `sides`, A its area: without unit
+    but for length², like a mean squared distance. It is quadratic, and drags curved shapes flat where it is not weak.
+    """
+    return None
+
+
+@bending_matrix.register
+def _(shape: BSplineSurface, sides: tuple[float, float]) -> Float[Array, "q q"] | None:
+    u = [_gram(shape.basis_u, k) for k in range(3)]
+    v = [_gram(shape.basis_v, k) for k in range(3)]
+    (a, b), (c, d) = shape.domain
+    # lengths per parameter: s = along_u · u
+    along_u, along_v = sides[0] / (b - a), sides[1] / (d - c)
+    area = sides[0] * sides[1]
+    parts = ((u[2], v[0], along_v / along_u**3), (u[1], v[1], 2 / (along_u * along_v)), (u[0], v[2], along_u / along_v**3))
+    return area * sum(weight * jnp.kron(in_u, in_v) for in_u, in_v, weight in parts)
+
+
+def _gram(basis: BSplineBasis, order: int) -> Float[Array, "n n"]:
+    """∫ B_i^(k) B_j^(k) over the domain, exact by Gauss-Legendre nodes in every span."""
+    nodes, weights = span_nodes(basis, basis.degree + 1)
+    rows = jax.vmap(lambda t: _row(basis, t, order))(nodes)
+    return (rows * weights[:, None]).T @ rows
+
+
+def _row(basis: BSplineBasis, t: Float[Array, ""], order: int) -> Float[Array, "n"]:
+    index, values = basis_derivatives(basis, t, order)
+    return jnp.zeros(basis.size, values.dtype).at[index].add(values[order])
+
+
+def span_nodes(basis: BSplineBasis, count: int) -> tuple[Float[Array, "m"], Float[Array, "m"]]:
+    """Gauss-Legendre nodes and weights, `count` in every span, empty spans with weight 0; for integrals over the domain."""
+    knots = basis.knots if basis.periodic else basis.knots[basis.degree : basis.size + 1]
+    x, w = (jnp.asarray(a, knots.dtype) for a in np.polynomial.legendre.leggauss(count))
+    half = 0.5 * (knots[1:] - knots[:-1])
+    nodes = knots[:-1, None] + half[:, None] * (1 + x[None, :])
+    return nodes.reshape(-1), (half[:, None] * w[None, :]).reshape(-1)

@@ -1,0 +1,260 @@
+"""From an unordered cloud to a B-spline surface: the main job."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._array import Numbers, as_float, concrete
+from .._errors import InputError
+from .._progress import Event, Progress, silent
+from ..basis import clamped_knots
+from ..surface import BSplineSurface
+from ._bending import bending_matrix
+from ._coverage import Coverage, coverage
+from ._deviation import Deviation
+from ._fit import Fit, faint_bending, fit, side_lengths
+from ._normal_equations import accumulate
+from ._parametrise import Parametrisation, check_sheet, parametrise
+from ._problem import Linearised, Problem, free_leaves
+from ._refine import refined_knots
+
+_COARSE = 4  # spans of the first net: enough to bend with the sheet, too few to follow noise
+_ATTENUATION = 1e-3  # share of the shortest ripple of the net that the background bending takes away
+
+
+class Stage(eqx.Module):
+    """One round of a cloud fit: spans per direction, number of control points, rms, and the share of points within tolerance."""
+
+    spans: tuple[int, int] = eqx.field(static=True)
+    control_points: int = eqx.field(static=True)
+    rms: float = eqx.field(static=True)
+    within: float | None = eqx.field(static=True)
+
+
+class CloudFit(eqx.Module):
+    """What `fit_cloud` found.
+
+    shape, foot, deviation, result, stopped: as in `Fit`, over all points; holdout: deviation of points left out of a refit, or
+    `None`; coverage: the knot cells without points; stages: the history of refinement; met: whether the tolerance was
+    reached, `None` without one.
+    """
+
+    shape: BSplineSurface
+    foot: Any
+    deviation: Deviation
+    result: Any
+    stopped: bool
+    holdout: Deviation | None
+    coverage: Coverage
+    stages: tuple[Stage, ...]
+    met: bool | None
+
+
+def fit_cloud(
+    points: Numbers,
+    *,
+    spans: tuple[int, int] | None = None,
+    tolerance: float | None = None,
+    quantile: float = 0.95,
+    degree: int = 3,
+    loss: str = "squared",
+    fairness: float = 0.0,
+    holdout: float = 0.0,
+    max_spans: int = 40,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> CloudFit:
+    """Fit a B-spline surface to an unordered sheet-like cloud (N, 3) of unknown parametrisation.
+
+    spans: knot intervals per direction, u along the longer side; without them 8 × 8, or where a tolerance is given as many as it
+    needs. tolerance: knots are inserted where points lie farther than that, until a share `quantile` of them lies within,
+    or `max_spans` are reached, or there would be fewer than two points for a control point. degree, loss, fairness: as
+    in `fit`. holdout: share of the points that a second fit of the same net leaves out, to measure the deviation of
+    points it has not seen (the surface that is returned has seen all).
+
+    The cloud is unrolled (`parametrise`), a coarse net fitted, and refined; a true return value of `progress` stops at the best
+    surface so far. Raises `InputError` on clouds that carry no surface.
+    """
+    points = as_float(points)
+    host = np.asarray(concrete(points), np.float64)
+    check_sheet(host)
+    _check_options(len(host), spans, tolerance, quantile, degree, holdout, max_spans)
+    target = spans if spans is not None else ((8, 8) if tolerance is None else None)
+    limit = target if target is not None else (max_spans, max_spans)
+    coarse = tuple(min(_COARSE, most) for most in limit)
+    _check_enough(len(host), coarse if target is None else target, degree)
+
+    progress(Event("parametrise"))
+    options = {"loss": loss, "fairness": fairness, "progress": progress}
+    started = _best_start(points, parametrise(host), coarse, degree, progress)
+    done = _refit(started, points, None, {**options, "phase": _phase(coarse)})
+    stages = [_stage(done, tolerance)]
+    knots_u, knots_v = done.shape.knots_u, done.shape.knots_v
+    while not done.stopped:
+        if target is not None:
+            if _spans(done.shape) == target:
+                break
+            knots_u, knots_v = (clamped_knots(n + degree, degree).astype(points.dtype) for n in target)
+        else:
+            if stages[-1].within is not None and stages[-1].within >= quantile:
+                break
+            finer = refined_knots(done.shape, done.foot.parameters, done.deviation.signed, float(tolerance or 0), max_spans)
+            count = [len(k) - degree - 1 for k in finer]
+            if finer == (None, None) or count[0] * count[1] * 2 > len(host):
+                break
+            knots_u, knots_v = (jnp.asarray(k, points.dtype) for k in finer)
+        start = linear_start(points, done.foot.parameters, knots_u, knots_v, degree, side_lengths(done.shape))
+        done = _refit(start, points, done.foot.parameters, {**options, "phase": _phase(_spans(start))})
+        stages.append(_stage(done, tolerance))
+    left_out = None
+    if holdout > 0 and not done.stopped:
+        left_out = _hold_out(done, points, holdout, seed, options)
+    met = None if tolerance is None else bool(stages[-1].within is not None and stages[-1].within >= quantile)
+    return CloudFit(
+        done.shape,
+        done.foot,
+        done.deviation,
+        done.result,
+        done.stopped,
+        left_out,
+        coverage(done.shape, done.foot.parameters),
+        tuple(stages),
+        met,
+    )
+
+
+def linear_start(
+    points: Float[Array, "N 3"],
+    parameters: Float[Array, "N 2"],
+    knots_u: Float[Array, "k"],
+    knots_v: Float[Array, "l"],
+    degree: int,
+    sides: tuple[float, float],
+    attenuation: float = _ATTENUATION,
+) -> BSplineSurface:
+    """The net of least squares at known parameters, held by its bending energy where there are no points."""
+    count = (knots_u.shape[0] - degree - 1, knots_v.shape[0] - degree - 1)
+    flat = BSplineSurface(jnp.zeros((*count, 3), points.dtype), knots_u, knots_v, degree, degree)
+    number = lambda x: jnp.asarray(x, points.dtype)
+    weight = number(faint_bending(max(count), attenuation))
+    return _linear_fit(flat, points, parameters, (number(sides[0]), number(sides[1])), weight)
+
+
+@eqx.filter_jit
+def _linear_fit(
+    flat: BSplineSurface, points: Array, parameters: Array, sides: tuple[Array, Array], bending: Array
+) -> BSplineSurface:
+    one = jnp.ones((), points.dtype)
+    ones = jnp.ones(points.shape[0], points.dtype)
+    free = free_leaves(flat, None)
+    problem = Problem(flat, points, ones, one, one, bending, one, one, free, "squared", False)
+    centre = jnp.mean(points, axis=0)
+    everything = jnp.broadcast_to(jnp.eye(3, dtype=points.dtype), (points.shape[0], 3, 3))
+    lines = Linearised(centre - points, everything)
+    gradient, matrix = accumulate(flat, problem, parameters, lines, ones / points.shape[0])
+    # all three coordinates share one matrix: every third row and column of the whole
+    net = matrix[::3, ::3] + bending * bending_matrix(flat, sides)
+    net = net + jnp.eye(net.shape[0], dtype=net.dtype) * (1e-13 * jnp.trace(net) / net.shape[0])
+    solved = jax.scipy.linalg.solve(net, -gradient.reshape(-1, 3), assume_a="pos")
+    return eqx.tree_at(lambda s: s.control_points, flat, (solved + centre).reshape(flat.control_points.shape))
+
+
+def _best_start(
+    points: Float[Array, "N 3"],
+    candidates: list[Parametrisation],
+    spans: tuple[int, int],
+    degree: int,
+    progress: Progress,
+) -> BSplineSurface:
+    """The coarse net of the candidate whose short fit comes closest to the thinned cloud, its normal on the outer side."""
+    best, best_rms = None, np.inf
+    knots_u, knots_v = (clamped_knots(n + degree, degree).astype(points.dtype) for n in spans)
+    sample = points[candidates[0].index]
+    for number, candidate in enumerate(candidates):
+        progress(Event("unroll", number + 1, len(candidates)))
+        parameters = jnp.asarray(candidate.parameters, points.dtype)
+        start = linear_start(sample, parameters, knots_u, knots_v, degree, candidate.sides, attenuation=0.1)
+        trial = fit(start, sample, start=parameters, bending=faint_bending(max(spans) + degree, 0.1), max_steps=8)
+        rms = float(trial.deviation.rms)
+        if rms < best_rms:
+            best, best_rms = trial.shape, rms
+    assert best is not None
+    return _facing_outwards(best, np.asarray(points).mean(axis=0))
+
+
+def _facing_outwards(surface: BSplineSurface, centre: np.ndarray) -> BSplineSurface:
+    """Turn u round if the normal points to the hollow side; on flat sheets, if it points down its main axis."""
+    (a, b), (c, d) = surface.domain
+    middle = 0.5 * (a + b), 0.5 * (c + d)
+    normal = np.cross(surface.derivative(*middle, (1, 0)), surface.derivative(*middle, (0, 1)))
+    outwards = np.asarray(surface(*middle)) - centre
+    length = np.linalg.norm
+    if length(outwards) < 0.02 * length(np.ptp(np.asarray(surface.control_points).reshape(-1, 3), axis=0)):
+        outwards = np.eye(3)[int(np.argmax(np.abs(normal)))]
+    if float(normal @ outwards) >= 0:
+        return surface
+    return eqx.tree_at(
+        lambda s: (s.control_points, s.knots_u), surface, (surface.control_points[::-1], a + b - surface.knots_u[::-1])
+    )
+
+
+def _refit(start: BSplineSurface, points: Array, feet: Any, options: dict[str, Any]) -> Fit:
+    weight = faint_bending(max(start.control_points.shape[:2]), _ATTENUATION)
+    return fit(start, points, start=feet, bending=weight, **options)
+
+
+def _hold_out(done: Fit, points: Array, share: float, seed: int, options: dict[str, Any]) -> Deviation | None:
+    """Refit with the chosen points weighing nothing, and measure those; the compiled fit serves again."""
+    chosen = np.random.default_rng(seed).uniform(size=points.shape[0]) < share
+    if not chosen.any():
+        return None
+    weights = jnp.asarray(~chosen, points.dtype)
+    again = _refit(done.shape, points, done.foot.parameters, {**options, "weights": weights, "phase": "hold-out"})
+    return Deviation(again.deviation.signed[np.flatnonzero(chosen)])
+
+
+def _stage(done: Fit, tolerance: float | None) -> Stage:
+    n, m = done.shape.control_points.shape[:2]
+    within = None if tolerance is None else float(jnp.mean(jnp.abs(done.deviation.signed) <= tolerance))
+    return Stage(_spans(done.shape), n * m, float(done.deviation.rms), within)
+
+
+def _spans(surface: BSplineSurface) -> tuple[int, int]:
+    n, m = surface.control_points.shape[:2]
+    return n - surface.degree_u, m - surface.degree_v
+
+
+def _phase(spans: tuple[int, int]) -> str:
+    return f"fit {spans[0]} × {spans[1]} spans"
+
+
+def _check_options(
+    count: int, spans: Any, tolerance: Any, quantile: float, degree: int, holdout: float, max_spans: int
+) -> None:
+    if spans is not None and (len(spans) != 2 or any(int(n) != n or n < 1 for n in spans)):
+        raise InputError(f"`spans` must be two whole numbers ≥ 1 such as (8, 8), got {spans!r}.")
+    if tolerance is not None and not tolerance > 0:
+        raise InputError(f"`tolerance` must be a length > 0, got {tolerance}.")
+    if spans is not None and tolerance is not None:
+        raise InputError("`spans` and `tolerance` exclude each other: give the size of the net, or let the tolerance find it.")
+    if not 0 < quantile <= 1:
+        raise InputError(f"`quantile` must be in (0, 1], got {quantile}.")
+    if not 1 <= degree <= 7:
+        raise InputError(f"`degree` must be from 1 to 7, got {degree}.")
+    if not 0 <= holdout < 1:
+        raise InputError(f"`holdout` must be in [0, 1), got {holdout}.")
+    if max_spans < 1:
+        raise InputError(f"`max_spans` must be at least 1, got {max_spans}.")
+
+
+def _check_enough(count: int, spans: tuple[int, int], degree: int) -> None:
+    needed = (spans[0] + degree) * (spans[1] + degree)
+    if count < needed:
+        raise InputError(
+            f"`points` must be at least as many as the {needed} control points of {spans[0]} × {spans[1]} spans of degree "
+            f"{degree}, got {count}; take fewer `spans` or measure more points."
+        )

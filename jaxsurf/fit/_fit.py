@@ -1,0 +1,155 @@
+"""Fit the control data of a shape to measured points."""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float, Int
+
+from .._array import Numbers, as_float, concrete, is_concrete
+from .._errors import InputError
+from .._progress import Progress, silent
+from ..curve import AbstractCurve
+from ..query import Foot, closest_point
+from ..surface import AbstractSurface, BSplineSurface
+from ._bending import bending_matrix
+from ._deviation import Deviation
+from ._losses import find_loss, noise_scale
+from ._problem import Problem, free_leaves
+from ._solve import Solved, solve
+
+
+class Fit(eqx.Module):
+    """What a fit found.
+
+    shape: the fitted member of the family; foot: the feet of all points on it; deviation: their distances; result: how
+    the solver ended, an `optimistix.RESULTS`; steps: solver steps in all; stopped: whether `progress` asked to stop.
+    """
+
+    shape: Any
+    foot: Foot
+    deviation: Deviation
+    result: Any
+    steps: Int[Array, ""]
+    stopped: bool = False
+
+    @property
+    def converged(self) -> Any:
+        """Whether the solver met its tolerance."""
+        return self.result == optx.RESULTS.successful
+
+
+def fit(
+    shape: AbstractCurve | AbstractSurface,
+    points: Numbers,
+    *,
+    loss: str = "squared",
+    fairness: float = 0.0,
+    bending: float | None = None,
+    free: Callable[[Any], Any] | None = None,
+    weights: Numbers | None = None,
+    start: Numbers | None = None,
+    rtol: float = 1e-5,
+    max_steps: int = 60,
+    progress: Progress = silent,
+    phase: str = "fit",
+    sliding: float = 0.01,
+) -> Fit:
+    """Fit a curve or surface to an unordered cloud (N, 3): minimise the distances of the points to their feet on it.
+
+    shape: the member of the family to start from. free: picks the arrays that may move, as in
+    `free=lambda s: s.control_points`; by default all but knots. weights: (N,) ≥ 0, such as 1/variance. loss: "squared",
+    "huber", "cauchy" or "tukey", whose scale follows the noise found. fairness: weight of the scale-free curvature variation
+    against the mean squared distance in units of size²; it does not shrink circles (useful: 1e-9 … 1e-3). bending: weight of
+    the quadratic bending energy of B-spline nets that holds what no point determines; `None` is a weight too weak to be
+    seen in the covered part. start: parameters of first feet, from an earlier fit. phase: what `progress` is told.
+
+    Levenberg-Marquardt on signed distances with the feet eliminated (Gauss-Newton by the envelope theorem), normal
+    equations accumulated in chunks, stepped by optimistix until a step gains less than `rtol` of the objective.
+    Raises `InputError` on points that are not finite or fewer than the shape's control points can use.
+    """
+    points = as_float(points, shape.dtype)
+    find_loss(loss)
+    weights = _check(shape, points, weights, fairness, bending)
+    free_flags = free_leaves(shape, free)
+    bounds = jnp.min(points, axis=0), jnp.max(points, axis=0)
+    size = jnp.sqrt(jnp.sum((bounds[1] - bounds[0]) ** 2))
+    number = lambda x: jnp.asarray(x, shape.dtype)
+    sides = side_lengths(shape) if isinstance(shape, AbstractSurface) else None
+    net_is_free = free_flags[0] and isinstance(shape, BSplineSurface) and not any(free_flags[1:])
+    penalty = bending_matrix(shape, sides) if net_is_free else None
+    weight = _faint(shape) if bending is None else bending
+    foot = closest_point(shape, points, start=start)
+    feet = foot.parameters.reshape(points.shape[0], -1)
+    total = jnp.zeros((), jnp.int32)
+    found: Solved | None = None
+    for name in _rounds(loss):
+        scale = jnp.maximum(noise_scale(foot.distance, weights) * find_loss(name).deviations, 1e-12 * size)
+        problem = Problem(
+            shape, points, weights, size, number(scale), number(weight), number(fairness), number(sliding), free_flags, name, fairness != 0
+        )
+        found = solve(problem, feet, penalty, rtol=rtol, max_steps=max_steps, progress=progress, phase=phase)
+        shape, feet, total = problem.member(found.theta), found.feet, total + found.steps.astype(jnp.int32)
+        foot = closest_point(shape, points, start=feet)
+        if found.stopped:
+            break
+    assert found is not None
+    return Fit(shape, foot, Deviation(foot.distance), found.result, total, found.stopped)
+
+
+def _rounds(loss: str) -> tuple[str, ...]:
+    """A robust loss is solved in rounds with the scale found anew; one that forgets far points starts from one that
+    does not."""
+    if loss == "squared":
+        return ("squared",)
+    return ("huber", "huber", "huber") if loss == "huber" else ("huber", "huber", loss, loss)
+
+
+def _check(shape: Any, points: Array, weights: Any, fairness: float, bending: float | None) -> Float[Array, "N"]:
+    if points.ndim != 2:
+        raise InputError(f"`points` must have shape (N, 3), got {points.shape}.")
+    if is_concrete(points) and not np.all(np.isfinite(concrete(points))):
+        row = int(np.argmin(np.all(np.isfinite(concrete(points)), axis=1)))
+        raise InputError(f"`points` must be finite, but point {row + 1} is {concrete(points)[row]}; remove it.")
+    if fairness < 0 or (bending is not None and bending < 0):
+        raise InputError(f"`fairness` and `bending` must be ≥ 0, got {fairness} and {bending}.")
+    if isinstance(shape, BSplineSurface):
+        n, m = shape.control_points.shape[:2]
+        if points.shape[0] < n * m:
+            raise InputError(
+                f"`points` must be at least as many as the {n * m} control points ({n} × {m}), got {points.shape[0]}; "
+                "take fewer spans or measure more points."
+            )
+    if weights is None:
+        return jnp.ones(points.shape[0], points.dtype)
+    weights = as_float(weights, points.dtype)
+    if weights.shape != points.shape[:1]:
+        raise InputError(f"`weights` must have shape ({points.shape[0]},), one for each point, got {weights.shape}.")
+    if is_concrete(weights) and not (np.all(concrete(weights) >= 0) and np.any(concrete(weights) > 0)):
+        raise InputError("`weights` must be ≥ 0 and not all 0.")
+    return weights
+
+
+def _faint(shape: Any) -> float:
+    """A bending weight that takes 10⁻⁶ off a ripple of two spans' wavelength (attenuation = α (π · spans)⁴)."""
+    if not isinstance(shape, BSplineSurface):
+        return 0.0
+    return faint_bending(max(shape.control_points.shape[:2]), 1e-6)
+
+
+def faint_bending(count: int, attenuation: float) -> float:
+    """The bending weight that takes the share `attenuation` off the shortest ripple that `count` control points carry."""
+    return attenuation / (np.pi * count) ** 4
+
+
+def side_lengths(surface: AbstractSurface) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Mean lengths of the u-lines and of the v-lines, from a coarse grid."""
+    (a, b), (c, d) = surface.domain
+    share = jnp.linspace(0, 1, 17, dtype=surface.dtype)
+    grid = jax.lax.stop_gradient(surface.grid_points(a + (b - a) * share, c + (d - c) * share))
+    length = lambda axis: jnp.mean(jnp.sum(jnp.sqrt(jnp.sum(jnp.diff(grid, axis=axis) ** 2, -1)), axis=axis))
+    return length(0), length(1)

@@ -1,0 +1,151 @@
+"""Normal equations, accumulated in chunks: the N × P matrix of derivatives never exists."""
+
+from functools import singledispatch
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from ..basis import BSplineBasis
+from ..surface import BSplineSurface
+from ._problem import Linearised, Problem
+
+_BLOCK = 16  # points of one knot cell that are multiplied together
+_GROUP = 256  # blocks, or points of a shape without structure, worked on at once
+
+
+class Quadratic(NamedTuple):
+    """Value, gradient and Gauss-Newton matrix of an objective at θ."""
+
+    value: Float[Array, ""]
+    gradient: Float[Array, "P"]
+    matrix: Float[Array, "P P"]
+
+    def __add__(self, other: "Quadratic") -> "Quadratic":  # type: ignore[override]
+        return Quadratic(*(a + b for a, b in zip(self, other, strict=True)))
+
+
+@singledispatch
+def accumulate(
+    shape: Any, problem: Problem, parameters: Float[Array, "N k"], lines: Linearised, weights: Float[Array, "N"]
+) -> tuple[Float[Array, "P"], Float[Array, "P P"]]:
+    """Σ w Jᵀ(S − p) and Σ w JᵀRᵀRJ, J = ∂S/∂θ at the feet, R of `linearise`.
+
+    Any shape: rows of J by reverse mode, a chunk of points at a time.
+    """
+    theta = problem.unknowns(shape)
+    count = parameters.shape[0]
+    groups = -(-count // _GROUP)
+    pad = lambda x: jnp.pad(x, [(0, groups * _GROUP - count)] + [(0, 0)] * (x.ndim - 1), mode="edge")
+    grouped = lambda x: pad(x).reshape(groups, _GROUP, *x.shape[1:])
+    counted = jnp.pad(weights, (0, groups * _GROUP - count)).reshape(groups, _GROUP)
+
+    def rows(t: Float[Array, "k"]) -> Float[Array, "d P"]:
+        return jax.jacrev(lambda x: problem.member(x).point(*t))(theta)
+
+    def add(sums: tuple[Array, Array], chunk: Any) -> tuple[tuple[Array, Array], None]:
+        t, offset, root, w = chunk
+        jacobian = jnp.sqrt(w)[:, None, None] * jnp.einsum("nab,nbp->nap", root, jax.vmap(rows)(t))
+        jacobian = jacobian.reshape(-1, theta.size)
+        residual = (jnp.sqrt(w)[:, None] * offset).reshape(-1)
+        return (sums[0] + residual @ jacobian, sums[1] + jacobian.T @ jacobian), None
+
+    zero = (jnp.zeros_like(theta), jnp.zeros((theta.size, theta.size), theta.dtype))
+    chunks = (grouped(parameters), grouped(lines.offset), grouped(lines.root), counted)
+    return jax.lax.scan(add, zero, chunks)[0]
+
+
+@accumulate.register
+def _(
+    shape: BSplineSurface,
+    problem: Problem,
+    parameters: Float[Array, "N k"],
+    lines: Linearised,
+    weights: Float[Array, "N"],
+) -> tuple[Float[Array, "P"], Float[Array, "P P"]]:
+    """A B-spline net: points are sorted by knot cell, and each cell's dense block is a batch of small products."""
+    if problem.free != (True, False, False):
+        return accumulate.dispatch(object)(shape, problem, parameters, lines, weights)
+    cells = KnotCells(shape)
+    first_u, first_v = (
+        jax.vmap(lambda t, b=basis: b.local(t)[0])(parameters[:, i]) for i, basis in enumerate((cells.u, cells.v))
+    )
+    slots, block_cell = _sort_into_blocks(first_u * cells.count_v + first_v, cells.count)
+    gather = lambda x: jnp.concatenate([x, jnp.zeros_like(x[:1])])[slots]
+    chunks = (gather(parameters), gather(lines.offset), gather(lines.root), gather(weights), block_cell)
+
+    def add(sums: tuple[Array, Array], chunk: Any) -> tuple[tuple[Array, Array], None]:
+        t, offset, root, w, cell = chunk
+        values = jax.vmap(jax.vmap(cells.values))(t[..., 0], t[..., 1])  # (group, block, terms)
+        jacobian = jnp.einsum("gk,gki,gkab->gkaib", jnp.sqrt(w), values, root)
+        jacobian = jacobian.reshape(*jacobian.shape[:1], -1, 3 * values.shape[-1])
+        residual = (jnp.sqrt(w)[..., None] * offset).reshape(jacobian.shape[0], -1)
+        gradient = jnp.einsum("grp,gr->gp", jacobian, residual)
+        matrix = jnp.einsum("grp,grq->gpq", jacobian, jacobian)
+        return (sums[0].at[cell].add(gradient), sums[1].at[cell].add(matrix)), None
+
+    terms = 3 * cells.terms
+    dtype = parameters.dtype
+    zero = (jnp.zeros((cells.count, terms), dtype), jnp.zeros((cells.count, terms, terms), dtype))
+    gradient, matrix = jax.lax.scan(add, zero, chunks)[0]
+    return cells.scatter(gradient, matrix)
+
+
+class KnotCells:
+    """The knot cells of a B-spline surface: which control points each one depends on."""
+
+    def __init__(self, shape: BSplineSurface):
+        self.u, self.v = shape.basis_u, shape.basis_v
+        self.count_u, self.count_v = (_spans(basis) for basis in (self.u, self.v))
+        self.count = self.count_u * self.count_v
+        self.terms = (self.u.degree + 1) * (self.v.degree + 1)
+        self.unknowns = shape.control_points.size
+
+    def values(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "terms"]:
+        """Products of the basis values that do not vanish at (u, v), u-major."""
+        _, along_u = self.u.local(u)
+        _, along_v = self.v.local(v)
+        return (jnp.stack(along_u)[:, None] * jnp.stack(along_v)[None, :]).reshape(-1)
+
+    def control_points(self) -> Int[Array, "cells terms"]:
+        """For each cell the flat indices of its control points."""
+        index = lambda basis, n: basis.control_index(
+            jnp.arange(n, dtype=jnp.int32)[:, None], jnp.arange(basis.degree + 1, dtype=jnp.int32)[None, :]
+        )
+        in_u, in_v = index(self.u, self.count_u), index(self.v, self.count_v)
+        flat = in_u[:, None, :, None] * self.v.size + in_v[None, :, None, :]
+        return flat.reshape(self.count, self.terms)
+
+    def scatter(
+        self, gradient: Float[Array, "cells q"], matrix: Float[Array, "cells q q"]
+    ) -> tuple[Float[Array, "P"], Float[Array, "P P"]]:
+        """Add the cells' blocks (control point-major, coordinate-minor) into the whole."""
+        index = (self.control_points()[:, :, None] * 3 + jnp.arange(3, dtype=jnp.int32)).reshape(self.count, -1)
+        whole = jnp.zeros(self.unknowns, gradient.dtype).at[index].add(gradient)
+        square = jnp.zeros((self.unknowns, self.unknowns), matrix.dtype)
+        return whole, square.at[index[:, :, None], index[:, None, :]].add(matrix)
+
+
+def _spans(basis: BSplineBasis) -> int:
+    """Number of first-function indices that can occur, empty spans counted."""
+    return basis.size if basis.periodic else basis.size - basis.degree
+
+
+def _sort_into_blocks(
+    cell: Int[Array, "N"], count: int
+) -> tuple[Int[Array, "groups group block"], Int[Array, "groups group"]]:
+    """Slots for the points, `_BLOCK` at a time of one cell; empty slots hold N. And the cell of each block."""
+    total = cell.shape[0]
+    blocks = -(-(total + count * (_BLOCK - 1)) // _BLOCK)
+    blocks = -(-blocks // _GROUP) * _GROUP if blocks > _GROUP else blocks
+    order = jnp.argsort(cell).astype(jnp.int32)
+    counts = jnp.zeros(count, jnp.int32).at[cell].add(1)
+    reserved = (counts + _BLOCK - 1) // _BLOCK * _BLOCK
+    ordered = cell[order]
+    rank = jnp.arange(total, dtype=jnp.int32) - (jnp.cumsum(counts) - counts)[ordered]
+    slot = (jnp.cumsum(reserved) - reserved)[ordered] + rank
+    slots = jnp.full(blocks * _BLOCK, total, jnp.int32).at[slot].set(order)
+    block_cell = jnp.zeros(blocks, jnp.int32).at[slot // _BLOCK].set(ordered.astype(jnp.int32))
+    group = min(_GROUP, blocks)
+    return slots.reshape(-1, group, _BLOCK), block_cell.reshape(-1, group)

@@ -1,0 +1,42 @@
+"""Objective, gradient and Gauss-Newton matrix of a fit in one pass over the points."""
+
+from typing import Any
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..query import refine_feet
+from ._fairness import fairness_terms
+from ._normal_equations import accumulate
+from ._problem import Problem, linearise
+
+
+def evaluate(
+    problem: Problem, theta: Float[Array, "P"], feet: Float[Array, "N k"], penalty: Float[Array, "q q"] | None
+) -> tuple[Float[Array, ""], Float[Array, "P"], Float[Array, "P P"], Float[Array, "N k"]]:
+    """Value, gradient, Gauss-Newton matrix at θ, and the feet there, refined from `feet`.
+
+    penalty: the bending matrix of the control points or `None`. Values have no unit: mean squared distance over size².
+    """
+    shape = problem.member(theta)
+    feet = refine_feet(shape, problem.points, feet)
+    lines = linearise(shape, feet, problem.points, problem.sliding)
+    distance = jnp.sqrt(jnp.sum(lines.offset**2, axis=-1))
+    weights, value = problem.point_weights(distance)
+    gradient, matrix = accumulate(shape, problem, feet, lines, weights)
+    if penalty is not None:
+        # the net is the first leaf: rows of θ are control points, coordinates innermost
+        scaled = problem.bending / problem.size**2 * penalty
+        net = theta.reshape(penalty.shape[0], -1)
+        pull = scaled @ net
+        value = value + 0.5 * jnp.sum(net * pull)
+        gradient = gradient + pull.reshape(-1)
+        d = net.shape[1]
+        blocks = matrix.reshape(net.shape[0], d, net.shape[0], d)
+        for axis in range(d):
+            blocks = blocks.at[:, axis, :, axis].add(scaled)
+        matrix = blocks.reshape(matrix.shape)
+    if problem.fair:
+        more_value, more_gradient, more_matrix = fairness_terms(shape, problem)
+        value, gradient, matrix = value + more_value, gradient + more_gradient, matrix + more_matrix
+    return value, gradient, matrix, feet

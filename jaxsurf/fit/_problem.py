@@ -1,0 +1,113 @@
+"""A fit as data: which numbers are free, which points are to be met."""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .. import _safe
+from .._array import map_points
+from .._errors import InputError
+from ..query import held_parameters, value_and_tangents
+from ._losses import LOSSES, Loss
+
+
+class Problem(eqx.Module):
+    """Fit the free leaves of `shape` to `points`.
+
+    The unknowns θ are the free leaves, flattened in order; `shape` holds their start and all that is fixed. The objective
+    is ½ Σ w s² ρ(d²/s²) / (size² Σ w) plus half the penalties, d the distance to the foot point, and so without unit.
+    weights: (N,) ≥ 0; scale: s of the loss; bending and fairness: weights of the two penalties; sliding: see `linearise`.
+    """
+
+    shape: Any
+    points: Float[Array, "N d"]
+    weights: Float[Array, "N"]
+    size: Float[Array, ""]
+    scale: Float[Array, ""]
+    bending: Float[Array, ""]
+    fairness: Float[Array, ""]
+    sliding: Float[Array, ""]
+    free: tuple[bool, ...] = eqx.field(static=True)
+    loss: str = eqx.field(static=True)
+    fair: bool = eqx.field(static=True)
+
+    def unknowns(self, shape: Any = None) -> Float[Array, "P"]:
+        """θ of `shape`, by default of the start."""
+        leaves = jax.tree.leaves(self.shape if shape is None else shape)
+        return jnp.concatenate([x.reshape(-1) for x, free in zip(leaves, self.free, strict=True) if free])
+
+    def member(self, theta: Float[Array, "P"]) -> Any:
+        """The shape with unknowns θ."""
+        leaves, structure = jax.tree.flatten(self.shape)
+        filled, at = [], 0
+        for leaf, free in zip(leaves, self.free, strict=True):
+            filled.append(theta[at : at + leaf.size].reshape(leaf.shape) if free else leaf)
+            at += leaf.size if free else 0
+        return jax.tree.unflatten(structure, filled)
+
+    def point_weights(self, distance: Float[Array, "N"]) -> tuple[Float[Array, "N"], Float[Array, ""]]:
+        """Weights of the points in the normal equations, and the data term of the objective."""
+        loss: Loss = LOSSES[self.loss]
+        unit = self.size**2 * jnp.sum(self.weights)
+        if self.loss == "squared":
+            return self.weights / unit, 0.5 * jnp.sum(self.weights * distance**2) / unit
+        z = (distance / self.scale) ** 2
+        value = 0.5 * jnp.sum(self.weights * self.scale**2 * loss.value(z)) / unit
+        return self.weights * loss.weight(z) / unit, value
+
+
+def free_leaves(shape: Any, where: Callable[[Any], Any] | None) -> tuple[bool, ...]:
+    """Which leaves of a shape may move: all arrays but knots, or those that `where` picks from the shape.
+
+    Raises `InputError` if nothing is free.
+    """
+    if where is None:
+        paths = jax.tree_util.tree_flatten_with_path(shape)[0]
+        free = tuple(
+            eqx.is_inexact_array(leaf) and not any("knots" in jax.tree_util.keystr((key,)) for key in path)
+            for path, leaf in paths
+        )
+    else:
+        none = jax.tree.map(lambda _: False, shape)
+        chosen = eqx.tree_at(lambda s: jax.tree.leaves(where(s)), none, replace_fn=lambda _: True)
+        free = tuple(jax.tree.leaves(chosen))
+    if not any(free):
+        raise InputError("`free` leaves nothing to fit: it must pick at least one array of the shape.")
+    return free
+
+
+class Linearised(eqx.Module):
+    """Distances at fixed feet: offset S − p, and the matrix R whose RᵀR weighs the directions in which S may move."""
+
+    offset: Float[Array, "... d"]
+    root: Float[Array, "... d d"]
+
+
+def linearise(
+    shape: Any, parameters: Float[Array, "N k"], points: Float[Array, "N d"], sliding: Float[Array, ""]
+) -> Linearised:
+    """At each foot R = I − (1 − √sliding) QQᵀ, Q spanning the tangents along which the foot is free to slide.
+
+    With sliding = 0 that is the projector onto the normal of a surface; on a border the direction out of it is added, at a
+    corner, or at the end of a curve, it is the identity. By the envelope theorem the derivative of ½ d² by θ is
+    offset · ∂S/∂θ, and RᵀR the Gauss-Newton metric, in which a little `sliding` keeps the net from gliding along the sheet.
+    """
+    k, d = parameters.shape[1], points.shape[1]
+
+    def one(shape: Any, *row: Array) -> Linearised:
+        t, p = jnp.stack(row[:k]), jnp.stack(row[k:])
+        point, tangents = value_and_tangents(shape, t)
+        held = held_parameters(shape, t, (point - p) @ tangents)
+        moving = jnp.where(held[None, :], 0, tangents)
+        normal = jnp.eye(d, dtype=p.dtype)
+        for i in range(k):
+            q = _safe.unit(normal @ moving[:, i])
+            normal = normal - q[:, None] * q[None, :]
+        along = jnp.eye(d, dtype=p.dtype) - normal
+        return Linearised(point - p, normal + jnp.sqrt(sliding) * along)
+
+    return map_points(one, shape, *parameters.T, *points.T)

@@ -1,0 +1,176 @@
+"""The solver: Levenberg-Marquardt on accumulated normal equations, as an optimistix minimiser."""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import lineax as lx
+import optimistix as optx
+from jaxtyping import Array, Bool, Float, Int
+
+from .._progress import Event, Progress, silent
+from ._objective import evaluate
+from ._problem import Problem
+
+EvalGradHessian = optx.FunctionInfo.EvalGradHessian
+
+
+class _State(eqx.Module):
+    first_step: Bool[Array, ""]
+    trial: Float[Array, "P"]
+    search: Any
+    info: EvalGradHessian
+    feet: Float[Array, "N k"]
+    descent: Any
+    done: Bool[Array, ""]
+    result: Any
+
+
+class MarquardtDescent(optx.AbstractDescent):
+    """−(H + λD)⁻¹ g with λ = `damping` / step size, D = diag(H) and a floor of 10⁻⁶ of its mean.
+
+    Marquardt's scaling makes the step independent of units and of the point density.
+    """
+
+    damping: float = 1e-4
+
+    def init(self, y: Any, f_info_struct: Any) -> EvalGradHessian:
+        return jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), f_info_struct)
+
+    def query(self, y: Any, f_info: Any, state: Any) -> EvalGradHessian:
+        return f_info
+
+    def step(self, step_size: Any, state: Any) -> tuple[Any, Any]:
+        matrix = state.hessian.matrix
+        diagonal = jnp.diag(matrix)
+        floor = 1e-6 * jnp.mean(diagonal) + jnp.finfo(diagonal.dtype).tiny
+        damped = matrix + jnp.diag(self.damping / step_size * (diagonal + floor) + 1e-9 * floor)
+        operator = lx.MatrixLinearOperator(damped, lx.positive_semidefinite_tag)
+        solution = lx.linear_solve(operator, state.grad, lx.Cholesky(), throw=False)
+        return -solution.value, optx.RESULTS.promote(solution.result)
+
+
+class NormalEquationsSolver(optx.AbstractMinimiser):
+    """Minimise an objective whose value, gradient and Gauss-Newton matrix come from one pass over the points.
+
+    `fn(θ, (problem, feet, penalty))` gives the value and the feet; the pass starts the feet of a trial θ from those of the last
+    accepted one. It ends when an accepted step has lowered the value by less than `rtol` of it, or when steps are refused
+    at a step size below 10⁻⁹.
+    """
+
+    rtol: float
+    atol: float
+    norm: Callable[[Any], Any] = optx.max_norm
+    descent: MarquardtDescent = MarquardtDescent()
+    search: optx.ClassicalTrustRegion = optx.ClassicalTrustRegion(high_cutoff=0.75, low_cutoff=0.01)
+
+    def init(
+        self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any, aux_struct: Any, tags: Any
+    ) -> _State:
+        _, feet, _ = args
+        info = EvalGradHessian(
+            jnp.zeros((), y.dtype),
+            jnp.zeros_like(y),
+            lx.MatrixLinearOperator(jnp.zeros((y.size, y.size), y.dtype), lx.positive_semidefinite_tag),
+        )
+        struct = eqx.filter_eval_shape(lambda: info)
+        return _State(
+            first_step=jnp.asarray(True),
+            trial=y,
+            search=jax.tree.map(lambda x: x.astype(y.dtype), self.search.init(y, struct)),
+            info=info,
+            feet=feet,
+            descent=info,
+            done=jnp.asarray(False),
+            result=optx.RESULTS.successful,
+        )
+
+    def step(self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any) -> tuple[Any, _State, Any]:
+        problem, _, penalty = args
+        value, gradient, matrix, feet = evaluate(problem, state.trial, state.feet, penalty)
+        trial_info = EvalGradHessian(value, gradient, lx.MatrixLinearOperator(matrix, lx.positive_semidefinite_tag))
+        step_size, accept, search_result, search = self.search.step(
+            state.first_step, y, state.trial, state.info, trial_info, state.search
+        )
+        gain = state.info.f - value
+        small = (gain <= self.rtol * state.info.f + self.atol) & ~state.first_step
+        pick = lambda a, b: jax.tree.map(lambda x, z: jnp.where(accept, x, z), a, b)
+        y, info, feet = pick(state.trial, y), pick(trial_info, state.info), pick(feet, state.feet)
+        step, descent_result = self.descent.step(step_size, info)
+        done = jnp.where(accept, small, step_size < 1e-9)
+        result = optx.RESULTS.where(search_result == optx.RESULTS.successful, descent_result, search_result)
+        state = _State(jnp.asarray(False), y + step, search, info, feet, info, done, result)
+        return y, state, feet
+
+    def terminate(self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any) -> tuple[Any, Any]:
+        return state.done, state.result
+
+    def postprocess(
+        self, fn: Any, y: Any, aux: Any, args: Any, options: Any, state: _State, tags: Any, result: Any
+    ) -> tuple[Any, Any, dict[str, Any]]:
+        return y, aux, {"value": state.info.f}
+
+
+class Solved(eqx.Module):
+    """Unknowns, feet, number of steps, and how the solver ended (an `optimistix.RESULTS`); stopped: on the caller's wish."""
+
+    theta: Float[Array, "P"]
+    feet: Float[Array, "N k"]
+    steps: Int[Array, ""]
+    result: Any
+    stopped: bool = False
+
+
+def solve(
+    problem: Problem,
+    feet: Float[Array, "N k"],
+    penalty: Any,
+    *,
+    rtol: float,
+    max_steps: int,
+    progress: Progress = silent,
+    phase: str = "fit",
+) -> Solved:
+    """Minimise the problem's objective from its start.
+
+    Silent work is one compiled `optimistix.minimise`; with a `progress` that shows or stops, the same solver is stepped
+    from outside.
+    """
+    solver = NormalEquationsSolver(rtol=rtol, atol=0.0)
+    theta = problem.unknowns()
+    args = (problem, feet, penalty)
+    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        if progress is silent:
+            found = optx.minimise(_objective, solver, theta, args, has_aux=True, max_steps=max_steps, throw=False)
+            return Solved(found.value, found.aux, found.stats["num_steps"], found.result)
+        return _stepwise(solver, theta, args, max_steps, progress, phase)
+
+
+def _objective(theta: Float[Array, "P"], args: Any) -> tuple[Float[Array, ""], Float[Array, "N k"]]:
+    problem, feet, penalty = args
+    value, _, _, feet = evaluate(problem, theta, feet, penalty)
+    return value, feet
+
+
+def _stepwise(
+    solver: NormalEquationsSolver, theta: Array, args: Any, max_steps: int, progress: Progress, phase: str
+) -> Solved:
+    state = solver.init(_objective, theta, args, {}, None, None, frozenset())
+    problem = args[0]
+    steps, stopped = 0, False
+    for steps in range(1, max_steps + 1):
+        theta, state = _compiled_step(solver, theta, args, state)
+        rms = float(jnp.sqrt(2 * state.info.f) * problem.size)
+        stopped = bool(progress(Event(phase, steps, max_steps, rms)))
+        if stopped or bool(state.done) or not bool(jnp.all(jnp.isfinite(theta))):
+            break
+    result = state.result if bool(state.done) or stopped else optx.RESULTS.nonlinear_max_steps_reached
+    return Solved(theta, state.feet, jnp.asarray(steps), result, stopped)
+
+
+@eqx.filter_jit
+def _compiled_step(solver: NormalEquationsSolver, theta: Array, args: Any, state: _State) -> tuple[Array, _State]:
+    theta, state, _ = solver.step(_objective, theta, args, {}, state, frozenset())
+    return theta, state

@@ -1,0 +1,84 @@
+"""Where a shape is sampled to find starting values: a few parameters in every knot span."""
+
+from functools import singledispatch
+from typing import Any
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..basis import BSplineBasis
+from ..curve import AbstractCurve, BSplineCurve, NURBSCurve
+from ..surface import AbstractSurface, BSplineSurface, NURBSSurface, TrimmedSurface
+
+_DEFAULT_COUNT = 49
+
+
+@singledispatch
+def sample_parameters(shape: Any) -> tuple[Float[Array, "m"], ...]:
+    """Ascending parameters in each direction that resolve the shape, both ends included; works on traced shapes."""
+    raise TypeError(f"`sample_parameters` expects a curve or a surface, got {type(shape).__name__}.")
+
+
+@sample_parameters.register
+def _(shape: AbstractCurve) -> tuple[Float[Array, "m"], ...]:
+    return (_evenly(shape.domain, shape.dtype),)
+
+
+@sample_parameters.register
+def _(shape: AbstractSurface) -> tuple[Float[Array, "m"], ...]:
+    domain_u, domain_v = shape.domain
+    return _evenly(domain_u, shape.dtype), _evenly(domain_v, shape.dtype)
+
+
+@sample_parameters.register(BSplineCurve)
+@sample_parameters.register(NURBSCurve)
+def _(shape: Any) -> tuple[Float[Array, "m"], ...]:
+    return (_in_spans(shape.basis),)
+
+
+@sample_parameters.register(BSplineSurface)
+@sample_parameters.register(NURBSSurface)
+def _(shape: Any) -> tuple[Float[Array, "m"], ...]:
+    return _in_spans(shape.basis_u), _in_spans(shape.basis_v)
+
+
+@sample_parameters.register
+def _(shape: TrimmedSurface) -> tuple[Float[Array, "m"], ...]:
+    return sample_parameters(shape.surface)
+
+
+@singledispatch
+def periodic_directions(shape: Any) -> tuple[bool, ...]:
+    """For each parameter, whether the shape goes on smoothly across the ends of its domain."""
+    return (False,) if isinstance(shape, AbstractCurve) else (False, False)
+
+
+@periodic_directions.register
+def _(shape: BSplineCurve) -> tuple[bool, ...]:
+    return (shape.periodic,)
+
+
+@periodic_directions.register
+def _(shape: BSplineSurface) -> tuple[bool, ...]:
+    return shape.periodic_u, shape.periodic_v
+
+
+def domain_box(shape: AbstractCurve | AbstractSurface) -> tuple[Float[Array, "k"], Float[Array, "k"]]:
+    """Lower and upper ends of the parameters as vectors."""
+    ends = [shape.domain] if isinstance(shape, AbstractCurve) else list(shape.domain)
+    lower, upper = zip(*ends, strict=True)
+    return jnp.stack([jnp.asarray(x, shape.dtype) for x in lower]), jnp.stack([jnp.asarray(x, shape.dtype) for x in upper])
+
+
+def _evenly(domain: tuple[Any, Any], dtype: Any) -> Float[Array, "m"]:
+    a, b = (jnp.asarray(end, dtype) for end in domain)
+    return a + (b - a) * jnp.linspace(0, 1, _DEFAULT_COUNT, dtype=dtype)
+
+
+def _in_spans(basis: BSplineBasis) -> Float[Array, "m"]:
+    """Two parameters in each span, at least nine in all."""
+    knots = basis.knots if basis.periodic else basis.knots[basis.degree : basis.size + 1]
+    per_span = max(2, -(-8 // (knots.shape[0] - 1)))
+    share = jnp.arange(per_span, dtype=knots.dtype) / per_span
+    inside = knots[:-1, None] + (knots[1:] - knots[:-1])[:, None] * share[None, :]
+    return jnp.concatenate([inside.reshape(-1), knots[-1:]])
