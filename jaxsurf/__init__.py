@@ -1,0 +1,78 @@
+from . import io as io, report as report, view as view
+from ._errors import InputError as InputError, MissingPackageError as MissingPackageError
+from ._progress import Event as Event, silent as silent
+from ._registry import register as register
+from .basis import (
+    BSplineBasis as BSplineBasis,
+    clamped_knots as clamped_knots,
+    periodic_knots as periodic_knots,
+    uniform_knots as uniform_knots,
+)
+from .curve import (
+    AbstractCurve as AbstractCurve,
+    Arc as Arc,
+    BSplineCurve as BSplineCurve,
+    Circle as Circle,
+    CompositeCurve as CompositeCurve,
+    Helix as Helix,
+    Line as Line,
+    NURBSCurve as NURBSCurve,
+)
+from .surface import (
+    AbstractSurface as AbstractSurface,
+    BSplineSurface as BSplineSurface,
+    Cone as Cone,
+    Cylinder as Cylinder,
+    NURBSSurface as NURBSSurface,
+    Plane as Plane,
+    Sphere as Sphere,
+    Torus as Torus,
+    TrimmedSurface as TrimmedSurface,
+)
+from .edit import (
+    clamp as clamp,
+    elevate_degree as elevate_degree,
+    insert_knots as insert_knots,
+    mirror as mirror,
+    remove_knots as remove_knots,
+    reparametrise as reparametrise,
+    reverse as reverse,
+    rotate as rotate,
+    scale as scale,
+    split as split,
+    transform as transform,
+    translate as translate,
+    transpose as transpose,
+    unrolled as unrolled,
+)
+from .convert import Conversion as Conversion, interpolate as interpolate, to_bspline as to_bspline
+from .differential import (
+    Curvature as Curvature,
+    arc_length as arc_length,
+    area as area,
+    curvature as curvature,
+    curve_curvature as curve_curvature,
+    derivative as derivative,
+    equally_spaced as equally_spaced,
+    first_form as first_form,
+    frenet_frame as frenet_frame,
+    normal as normal,
+    parameter_at_length as parameter_at_length,
+    partials as partials,
+    second_form as second_form,
+    second_partials as second_partials,
+    torsion as torsion,
+    volume as volume,
+)
+from .mesh import Mesh as Mesh, tessellate as tessellate
+from .query import Foot as Foot, closest_point as closest_point
+from .fit import (
+    CloudFit as CloudFit,
+    Deviation as Deviation,
+    Fit as Fit,
+    fit as fit,
+    fit_cloud as fit_cloud,
+    parametrise as parametrise,
+    trim_to_cloud as trim_to_cloud,
+)
+from .io import load as load, save as save

@@ -1,9 +1,11 @@
-"""What constructors do with their arguments: vectors, numbers, and trees of one floating type."""
+"""What constructors do with their arguments: vectors, numbers, trees of one floating type, known values."""
 
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -11,6 +13,7 @@ from ._array import Numbers, as_float, concrete, is_concrete
 from ._errors import InputError
 
 Tree = TypeVar("Tree")
+Result = TypeVar("Result")
 
 
 def as_vector(values: Numbers, name: str, dtype: Any = None, *, sizes: tuple[int, ...] = (3,)) -> Array:
@@ -45,6 +48,14 @@ def as_number(value: Numbers, name: str, dtype: Any = None, *, positive: bool = 
 def as_type(tree: Tree, dtype: Any) -> Tree:
     """The same pytree with all its floating arrays of one type."""
     return jax.tree.map(lambda leaf: leaf.astype(dtype) if eqx.is_inexact_array(leaf) else leaf, tree)
+
+
+def early(function: Callable[..., Result], *known: Any) -> Result:
+    """`function(*known)`, computed at once if all of it is concrete, so that it stays so inside `jit`."""
+    if not is_concrete(known) or is_concrete(jnp.zeros(())):  # the latter: nothing is being traced
+        return function(*known)
+    with jax.ensure_compile_time_eval():
+        return function(*known)
 
 
 def _check_finite(array: Array, name: str) -> None:

@@ -15,8 +15,10 @@ _ROUNDS = 60
 Sample = Callable[[np.ndarray], np.ndarray]
 
 
-def interpolation(knots: Float[np.ndarray, "k"], degree: int, values: Float[np.ndarray, "n *d"]) -> np.ndarray:
-    """Control data of the spline that takes `values` at the Greville abscissae of `knots`, by one banded solve."""
+def interpolation(
+    knots: Float[np.ndarray, "k"], degree: int, values: Float[np.ndarray, "n *d"]
+) -> Float[np.ndarray, "n *d"]:
+    """Control data of the spline with `values` at the Greville abscissae of `knots`, by one banded solve."""
     return make_interp_spline(sites(knots, degree), values, degree, t=knots, axis=0).c
 
 
@@ -36,7 +38,7 @@ def clamped(inner: np.ndarray, multiplicity: Int[np.ndarray, "n"], degree: int) 
 
 
 def amid(places: Float[np.ndarray, "n"], parts: int) -> Float[np.ndarray, "m"]:
-    """Parameters amid `parts` equal parts of each span: the error peaks between sites, mostly in the middle."""
+    """Parameters amid `parts` equal parts of each span: the error peaks between sites, mostly amid spans."""
     share = (np.arange(parts) + 0.5) / parts
     return (places[:-1, None] + np.diff(places)[:, None] * share).reshape(-1)
 
@@ -71,11 +73,11 @@ def adapted(
     noise: float,
     most: int,
 ) -> tuple[Float[np.ndarray, "n2"], Int[np.ndarray, "n2"]]:
-    """Breaks and their multiplicities on which interpolation of `sample` (m,) -> (m, ..., d) is within `tolerance`.
+    """Breaks and multiplicities on which interpolation of `sample` (m,) -> (m, ..., d) is within `tolerance`.
 
     Breaks at which all is smooth are left out if that does already. Spans in error are cut into as many equal
-    parts as the order of the error, degree + 1, asks for, at most 4 a round. Raises `Unreachable` if the error
-    does not fall, is down to `noise`, or needs more than `most` control points.
+    parts as the order of the error, degree + 1, asks for, at most 4 a round. Raises `Unreachable` if the
+    error does not fall, is down to `noise`, or needs more than `most` control points.
     """
     target = SAFETY * tolerance
     rough = multiplicity > 1

@@ -32,7 +32,7 @@ _JETS = 3  # derivatives looked at in judging how smooth a break is
 
 
 class Conversion(eqx.Module):
-    """A B-spline in place of another shape: `shape`, and the largest measured distance at equal parameters, `max_error`."""
+    """A B-spline in place of another shape, and the largest distance measured at equal parameters."""
 
     shape: Any
     max_error: Float[Array, ""]
@@ -40,15 +40,16 @@ class Conversion(eqx.Module):
 
 @singledispatch
 def to_bspline(shape: Any, tol: float, *, degree: int = 3) -> Conversion:
-    """A B-spline with the domain and parametrisation of `shape` that is nowhere further from it than `tol` (a length).
+    """A B-spline with the domain and parameters of `shape`, nowhere further from it than `tol` (a length).
 
-    B-splines are returned as they are, NURBS of equal weights with their knots, trimmed surfaces with their loops. All else is
-    interpolated at Greville abscissae on knots that are refined until the error, measured between the sites at
-    equal parameters, at least three times as densely, is within `tol`; it falls with the power degree + 1 of the
-    spacing. Between breaks the spline is C^(degree−1), at breaks as smooth as the shape. degree: at least 2, of all directions.
-    Raises `InputError` for a tolerance that the floating type or the shape does not allow, with the error reached, for a shape
-    that jumps, and under tracing. A class gives its own rule by `@to_bspline.register`.
-    Source: The NURBS Book, §9.2; de Boor, A Practical Guide to Splines, ch. XII and XIII.
+    B-splines are returned as they are, NURBS of equal weights with their knots, trimmed surfaces with their
+    loops. All else is interpolated at Greville abscissae on knots that are refined until the error, measured
+    between the sites at equal parameters, at least three times as densely, is within `tol`; it falls with the
+    power degree + 1 of the spacing. Between breaks the spline is C^(degree−1), at breaks as smooth as the
+    shape. degree: at least 2, of all directions. Raises `InputError` for a tolerance that the floating type
+    or the shape does not allow, with the error reached, for a shape that jumps, and under tracing. A class
+    gives its own rule by `@to_bspline.register`. Source: The NURBS Book, §9.2; de Boor, A Practical Guide to
+    Splines, ch. XII and XIII.
     """
     raise TypeError(f"`to_bspline` expects a curve or a surface, got {type(shape).__name__}.")
 
@@ -66,7 +67,7 @@ def _(shape: AbstractCurve, tol: float, *, degree: int = 3) -> Conversion:
 
     def attempt(tolerance: float) -> tuple[BSplineCurve, float]:
         found = adapted(sample, places, times.copy(), degree, tolerance, noise, _MOST[1])
-        knots = clamped(*found, degree)
+        knots = clamped(found[0], found[1], degree)
         control = interpolation(knots, degree, sample(sites(knots, degree)))
         spline = BSplineCurve(as_float(control, dtype), knots, degree)
         # one part more than the refinement looked at: other places
@@ -84,7 +85,7 @@ def _(shape: AbstractSurface, tol: float, *, degree: int = 3) -> Conversion:
     dtype = shape.dtype
     # One direction at a time, on lines that run through every span of the other.
     lines = [np.unique(np.concatenate([amid(along, degree + 2), along])) for along in places]
-    noise = _noise(grid_values(shape, *places), dtype)
+    noise = _noise(grid_values(shape, places[0], places[1]), dtype)
     samples = (
         lambda u: grid_values(shape, u, lines[1]),
         lambda v: np.swapaxes(grid_values(shape, lines[0], v), 0, 1),
@@ -101,17 +102,17 @@ def _(shape: AbstractSurface, tol: float, *, degree: int = 3) -> Conversion:
         for sample, start, multiplicity in zip(samples, places, times, strict=True):
             # each direction adds its own error
             found.append(adapted(sample, start, multiplicity.copy(), degree, tolerance / 2, noise, _MOST[2]))
-            knots.append(clamped(*found[-1], degree))
-        values = grid_values(shape, *(sites(along, degree) for along in knots))
+            knots.append(clamped(found[-1][0], found[-1][1], degree))
+        values = grid_values(shape, sites(knots[0], degree), sites(knots[1], degree))
         control = interpolation(knots[0], degree, values)
         control = np.swapaxes(interpolation(knots[1], degree, np.swapaxes(control, 0, 1)), 0, 1)
-        spline = BSplineSurface(as_float(control, dtype), *knots, degree, degree)
+        spline = BSplineSurface(as_float(control, dtype), knots[0], knots[1], degree, degree)
         counts = [len(along) - degree - 1 for along in knots]
         where = [
             np.concatenate([amid(f[0], dense_parts(n, len(f[0]) - 1)), p])
             for f, n, p in zip(found, counts, places, strict=True)
         ]
-        return spline, _grid_error(shape, spline, *where)
+        return spline, _grid_error(shape, spline, where[0], where[1])
 
     return _within(attempt, shape, tol)
 
@@ -134,8 +135,9 @@ def _(shape: NURBSCurve, tol: float, *, degree: int = 3) -> Conversion:
 def _(shape: NURBSSurface, tol: float, *, degree: int = 3) -> Conversion:
     if not _equal_weights(shape.weights):
         return to_bspline.dispatch(AbstractSurface)(shape, tol, degree=degree)
-    knots = (shape.knots_u, shape.knots_v)
-    spline = BSplineSurface(shape.control_points, *knots, shape.degree_u, shape.degree_v)
+    spline = BSplineSurface(
+        shape.control_points, shape.knots_u, shape.knots_v, shape.degree_u, shape.degree_v
+    )
     return Conversion(spline, jnp.zeros((), shape.dtype))
 
 
@@ -158,8 +160,8 @@ def _within(attempt: Any, shape: Any, tol: float) -> Conversion:
             spline, error = attempt(aim)
         except Unreachable as failure:
             raise InputError(
-                f"`tol` = {tol:g} cannot be reached for this {name} in {shape.dtype}: with {failure.count} control points per "
-                f"direction the error is still {min(failure.error, reached):.2g}; allow more"
+                f"`tol` = {tol:g} cannot be reached for this {name} in {shape.dtype}: with {failure.count} "
+                f"control points a direction the error is still {min(failure.error, reached):.2g}; allow more"
                 + (" or use double precision." if shape.dtype == jnp.float32 else ".")
             ) from None
         if error <= tol:
@@ -167,7 +169,8 @@ def _within(attempt: Any, shape: Any, tol: float) -> Conversion:
         reached = min(reached, error)
         aim = 0.7 * aim * tol / error
     raise InputError(
-        f"`tol` = {tol:g} cannot be reached for this {name} in {shape.dtype}: the best error measured was {reached:.2g}."
+        f"`tol` = {tol:g} cannot be reached for this {name} in {shape.dtype}: "
+        f"the best error measured was {reached:.2g}."
     )
 
 
@@ -186,7 +189,8 @@ def _grid_error(
 def _check(shape: Any, tol: float, degree: int) -> None:
     if not is_concrete(shape):
         raise InputError(
-            "`to_bspline` places knots by measured errors and needs concrete numbers; call it outside `jit` and `grad`."
+            "`to_bspline` places knots by measured errors and needs concrete numbers; "
+            "call it outside `jit` and `grad`."
         )
     if not tol > 0:
         raise InputError(f"`tol` must be a positive length, got {tol}.")
@@ -208,7 +212,8 @@ def _refuse_jumps(shape: Any, places: np.ndarray, times: np.ndarray, degree: int
     jumps = np.flatnonzero(times[1:-1] > degree)
     if jumps.size:
         raise InputError(
-            f"A {type(shape).__name__} that jumps at {name} = {places[jumps[0] + 1]:g} is no B-spline; split it there."
+            f"A {type(shape).__name__} that jumps at {name} = {places[jumps[0] + 1]:g} is no B-spline; "
+            f"split it there."
         )
 
 

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from .._array import Numbers, as_float, concrete, is_concrete
 from .._errors import InputError
 from .._safe import norm, unit
-from ..basis import BSplineBasis, averaged_knots
+from ..basis import BSplineBasis, greville
 from ..curve import BSplineCurve
 from ..surface import BSplineSurface
 from ._banded import band, solve_banded
@@ -26,16 +26,16 @@ def interpolate(
     parameters: Spacing | Numbers | tuple[Any, Any] = "chord",
     end_tangents: tuple[Numbers, Numbers] | None = None,
 ) -> BSplineCurve | BSplineSurface:
-    """The B-spline curve through points (n, 3) or (n, 2), the B-spline surface through a grid of points (n, m, 3).
+    """The B-spline curve through points (n, 3) or (n, 2), the B-spline surface through a grid (n, m, 3).
 
-    parameters: the spacing "chord", "centripetal" or "uniform" on [0, 1], or ascending numbers (n,). closed: the last
-    point leads back to the first and the curve is periodic, C^(degree−1); a last point equal to the first is
-    dropped, and given numbers are n + 1, the last for the return. For surfaces degree, closed and parameters may be
-    pairs (u, v). end_tangents: directions (3,) at both ends of an open curve; the speed there is that of the first
-    and last chord. Knots are means of `degree` neighbouring parameters; closed curves have them at the parameters
-    (odd degree) or midway. Differentiable in the points and the parameters.
-    Raises `InputError` for too few points, for neighbours that coincide (by index) and for shapes that do not fit.
-    Source: The NURBS Book, §9.2.
+    parameters: the spacing "chord", "centripetal" or "uniform" on [0, 1], or ascending numbers (n,). closed:
+    the last point leads back to the first and the curve is periodic, C^(degree−1); a last point equal to the
+    first is dropped, and given numbers are n + 1, the last for the return. For surfaces degree, closed and
+    parameters may be pairs (u, v). end_tangents: directions (3,) at both ends of an open curve; the speed
+    there is that of the first and last chord. Knots are means of `degree` neighbouring parameters; closed
+    curves have them at the parameters (odd degree) or midway. Differentiable in the points and the
+    parameters. Raises `InputError` for too few points, for neighbours that coincide (by index) and for shapes
+    that do not fit. Source: The NURBS Book, §9.2.
     """
     points = as_float(points)
     is_curve = points.ndim == 2 and points.shape[1] in (2, 3)
@@ -46,7 +46,7 @@ def interpolate(
         raise InputError(f"`points` must be finite, got {concrete(points)[tuple(where)]} at index {where}.")
     if is_curve:
         if not isinstance(degree, int) or not isinstance(closed, bool):
-            raise InputError("`degree` and `closed` of a curve must be single; pairs are for grids of points.")
+            raise InputError("`degree` and `closed` of a curve must be single; pairs are for grids.")
         points = _without_return(points) if closed else points
         _check_count(points.shape[0], degree, closed, end_tangents is not None)
         places = spaced_parameters(points, parameters, closed)
@@ -77,7 +77,7 @@ def _surface(
         solved, along = _solve(lines, places[axis], degrees[axis], closings[axis], None)
         control = jnp.swapaxes(solved, 0, axis)
         knots.append(along)
-    return BSplineSurface(control, *knots, *degrees, *closings)
+    return BSplineSurface(control, knots[0], knots[1], degrees[0], degrees[1], closings[0], closings[1])
 
 
 @eqx.filter_jit
@@ -99,7 +99,9 @@ def _solve(
         solved = jnp.linalg.solve(matrix, right)
         return solved.reshape(points.shape), knots
     doubled = places if slopes is None else jnp.concatenate([places[:1], places, places[-1:]])
-    knots = averaged_knots(doubled, degree)
+    # the means of `averaged_knots` at once: thousands of points, one operation
+    inner = greville(doubled, degree)
+    knots = jnp.concatenate([jnp.repeat(places[:1], degree + 1), inner, jnp.repeat(places[-1:], degree + 1)])
     basis = BSplineBasis(knots, degree)
     first, values = jax.vmap(basis.local)(places)
     rows = jnp.stack(values, axis=1)
@@ -136,8 +138,12 @@ def _end_slopes(
 
 
 def _without_return(points: Float[Array, "n *rows d"]) -> Float[Array, "n2 *rows d"]:
-    """Closed points without the repetition of the first at the end; by value, so only concrete data lose it."""
-    if is_concrete(points) and points.shape[0] > 1 and np.array_equal(concrete(points[0]), concrete(points[-1])):
+    """Closed points without the first repeated at the end; by value, so only concrete data lose it."""
+    if (
+        is_concrete(points)
+        and points.shape[0] > 1
+        and np.array_equal(concrete(points[0]), concrete(points[-1]))
+    ):
         return points[:-1]
     return points
 
@@ -148,7 +154,9 @@ def _check_count(count: int, degree: int, closed: bool, tangents: bool, where: s
     if closed and tangents:
         raise InputError("`end_tangents` are for open curves; a closed one has no ends.")
     if closed and count < 3:
-        raise InputError(f"`points` of a closed spline must be at least 3 different ones{where}, got {count}.")
+        raise InputError(
+            f"`points` of a closed spline must be at least 3{where}, got {count} different ones."
+        )
     needed = max(degree + 1 - 2 * tangents, 2)
     if not closed and count < needed:
         raise InputError(

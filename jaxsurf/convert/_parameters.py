@@ -21,10 +21,11 @@ _LENGTHS = {
 def spaced_parameters(
     points: Float[Array, "n *rows d"], parameters: Spacing | Numbers, closed: bool, name: str = "parameters"
 ) -> Float[Array, "k"]:
-    """Ascending parameters of points along the first axis; closed, one more for the return to the first point.
+    """Ascending parameters of points along the first axis; closed, one more for the return to the first.
 
-    A named spacing runs from 0 to 1: steps in proportion to the chords, to their square roots (centripetal) or
-    all equal; of several rows, the mean of those that have a length. Source: The NURBS Book, (9.4)-(9.6), A9.3.
+    A named spacing runs from 0 to 1: steps in proportion to the chords, to their square roots (centripetal)
+    or all equal; of several rows, the mean of those that have a length. Source: The NURBS Book, (9.4)-(9.6),
+    A9.3.
     """
     count = points.shape[0] + closed
     if not isinstance(parameters, str):
@@ -41,10 +42,12 @@ def spaced_parameters(
     if closed:
         rows = jnp.concatenate([rows, rows[:1]])
     steps = _LENGTHS[parameters](norm(rows[1:] - rows[:-1]))
-    shares = jnp.sum(divide(steps, jnp.sum(steps, axis=0, keepdims=True)), axis=1)  # a row shrunk to a point: 0
+    # a row shrunk to a point has no shares
+    shares = jnp.sum(divide(steps, jnp.sum(steps, axis=0, keepdims=True)), axis=1)
     mean = divide(shares, jnp.sum(shares))
     _check_apart(mean, closed)
-    return jnp.concatenate([jnp.zeros(1, mean.dtype), jnp.cumsum(mean)[:-1], jnp.ones(1, mean.dtype)])
+    ends = (jnp.zeros(1, mean.dtype), jnp.ones(1, mean.dtype))
+    return jnp.concatenate([ends[0], jnp.cumsum(mean)[:-1], ends[1]])
 
 
 def _check_ascending(parameters: Float[Array, "n"], name: str) -> None:
@@ -66,5 +69,6 @@ def _check_apart(steps: Any, closed: bool) -> None:
         i = int(equal[0])
         after = 0 if closed and i == len(steps) - 1 else i + 1
         raise InputError(
-            f"`points` {i} and {after} coincide; remove one of them, or give `parameters` that tell them apart."
+            f"`points` {i} and {after} coincide; "
+            f"remove one of them, or give `parameters` that tell them apart."
         )

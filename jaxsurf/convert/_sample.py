@@ -15,7 +15,7 @@ from ..surface import AbstractSurface, BSplineSurface
 
 BLOCK = 256
 """Rows of a grid evaluated together."""
-_TILE = 64  # of a grid, and its square of a curve: one size, so that a shape is compiled once for all refinements
+_TILE = 64  # of a grid, its square of a curve: one size, so that a shape is compiled once
 
 
 class _Jet(eqx.Module):
@@ -58,7 +58,7 @@ def grid_values(
 def spline_values(
     spline: BSplineSurface, u: Float[np.ndarray, "m"], v: Float[np.ndarray, "k"]
 ) -> Float[np.ndarray, "m k 3"]:
-    """Points of a B-spline surface on a grid in double precision, up to `BLOCK` rows at once: it shares rows."""
+    """Points of a B-spline surface on a grid of up to `BLOCK` rows, in double precision."""
     rows, height = _filled(u, BLOCK)
     columns, width = _padded(v)
     with jax.ensure_compile_time_eval():

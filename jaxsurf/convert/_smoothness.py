@@ -13,11 +13,11 @@ Jets = Callable[[np.ndarray], list[np.ndarray]]
 def multiplicities(
     jets: Jets, places: Float[np.ndarray, "n"], degree: int, tolerance: float, inset: float
 ) -> Int[np.ndarray, "n"]:
-    """Knot multiplicity of each break: degree + 1 − k where the derivative of order k is the first to jump, else 1.
+    """Knot multiplicity of each break: degree + 1 − k where the derivative of order k jumps first, else 1.
 
-    A jump counts if what it does over the neighbouring spans, |jump| h^k / k!, exceeds a tenth of `tolerance`;
-    a spline of full smoothness follows smaller ones. Both sides are looked at from a distance of `inset`.
-    Points that jump (k = 0) give degree + 1.
+    A jump counts if what it does over the neighbouring spans, |jump| h^k / k!, exceeds a tenth of
+    `tolerance`; a spline of full smoothness follows smaller ones. Both sides are looked at from a distance of
+    `inset`. Points that jump (k = 0) give degree + 1.
     """
     times = np.ones(len(places), int)
     inner = places[1:-1]

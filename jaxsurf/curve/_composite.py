@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._arguments import as_type
-from .._array import concrete, eps, float_type, is_concrete
+from .._arguments import as_type, early
+from .._array import concrete, eps, is_concrete
 from .._errors import InputError
 from .._registry import register
 from ._abstract import AbstractCurve
@@ -38,7 +38,7 @@ class CompositeCurve(AbstractCurve):
                 raise InputError(f"`pieces[{i}]` must be a curve, got {type(piece).__name__}.")
         if not pieces:
             raise InputError("`pieces` must hold at least one curve, got none.")
-        self.pieces = as_type(pieces, float_type(pieces))
+        self.pieces = as_type(pieces, max((p.dtype for p in pieces), key=lambda dtype: jnp.finfo(dtype).bits))
         _check_dimensions(self.pieces)
         _check_ends_meet(self.pieces, tolerance)
 
@@ -83,8 +83,7 @@ def _check_dimensions(pieces: tuple[AbstractCurve, ...]) -> None:
 def _check_ends_meet(pieces: tuple[AbstractCurve, ...], tolerance: float) -> None:
     if len(pieces) == 1 or not is_concrete(pieces):
         return
-    with jax.ensure_compile_time_eval():
-        places = [concrete(piece(_ends_and_middle(piece))) for piece in pieces]
+    places = [concrete(early(_ends_and_middle, piece)) for piece in pieces]
     size = float(np.linalg.norm(np.ptp(np.concatenate(places), axis=0)))
     allowed = max(tolerance, 32 * eps(places[0].dtype)) * size
     for i, (before, after) in enumerate(zip(places[:-1], places[1:], strict=True)):
@@ -96,6 +95,6 @@ def _check_ends_meet(pieces: tuple[AbstractCurve, ...], tolerance: float) -> Non
             )
 
 
-def _ends_and_middle(piece: AbstractCurve) -> Float[Array, "3"]:
+def _ends_and_middle(piece: AbstractCurve) -> Float[Array, "3 d"]:
     first, last = piece.domain
-    return jnp.stack([jnp.asarray(u, piece.dtype) for u in (first, (first + last) / 2, last)])
+    return piece(jnp.stack([jnp.asarray(u, piece.dtype) for u in (first, (first + last) / 2, last)]))

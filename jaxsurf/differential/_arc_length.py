@@ -28,9 +28,10 @@ class LengthTable(eqx.Module):
 def parameter_at_length(curve: AbstractCurve, length: Numbers) -> Float[Array, "*batch"]:
     """Parameters u with ∫ |C'| from the start of the domain to u equal to `length`, of any shape.
 
-    Newton's method, bisecting where it leaves the bracket, on the span found in a table of lengths. Derivatives in the curve and
-    in `length` are those of the implicit function, to any order. Lengths below 0 or beyond the whole (by more than
-    round-off) are refused on concrete data and give the ends of the domain under tracing.
+    Newton's method, bisecting where it leaves the bracket, on the span found in a table of lengths.
+    Derivatives in the curve and in `length` are those of the implicit function, to any order. Lengths below 0
+    or beyond the whole (by more than round-off) are refused on concrete data and give the ends of the domain
+    under tracing.
     """
     length = as_float(length, curve.dtype)
     table = length_table(curve)
@@ -40,7 +41,8 @@ def parameter_at_length(curve: AbstractCurve, length: Numbers) -> Float[Array, "
         wrong = ~((values >= -slack) & (values <= whole + slack))
         if wrong.any():
             raise InputError(
-                f"`length` must lie between 0 and the curve's length {whole:g}, got {values[wrong].flat[0]:g}."
+                f"`length` must lie between 0 and the curve's length {whole:g}, "
+                f"got {values[wrong].flat[0]:g}."
             )
     return map_points(_parameter_at, (curve, table), length)
 
@@ -95,7 +97,7 @@ def _newton(
     high: Float[Array, ""],
     guess: Float[Array, ""],
 ) -> Float[Array, ""]:
-    """Root of an ascending function in [low, high]: Newton's steps, bisection where they leave the bracket."""
+    """Root of an ascending function in [low, high]: Newton's steps, bisection where they lead out of it."""
     small = 2 * eps(guess.dtype) * jnp.maximum(jnp.abs(low), jnp.abs(high))
 
     def unfinished(state: tuple[Array, ...]) -> Array:

@@ -26,7 +26,7 @@ class Curvature(eqx.Module):
 
 
 def curvature(surface: AbstractSurface, u: Numbers, v: Numbers) -> Curvature:
-    """Principal curvatures and directions, mean and Gaussian curvature, for u and v broadcast against each other.
+    """Principal curvatures and directions, mean and Gaussian curvature; u and v are broadcast.
 
     A sphere of radius R with outward normals has principal curvatures −1/R. With the second form's matrix
     [[p, q], [q, r]] in an orthonormal tangent frame, H = (p + r)/2, K = pr − q² and the principal ones H ∓
@@ -41,13 +41,11 @@ def curvature(surface: AbstractSurface, u: Numbers, v: Numbers) -> Curvature:
 
 
 def curvature_at(surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]) -> Curvature:
-    """`curvature` at one regular pair of parameters, for use inside traced code; finite but meaningless at poles."""
+    """`curvature` at one regular pair of parameters, for use inside traced code; meaningless at poles."""
     return _direct_at(surface, u, v)[0]
 
 
-def _direct_at(
-    surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]
-) -> tuple[Curvature, Array]:
+def _direct_at(surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]) -> tuple[Curvature, Array]:
     second = second_partials_at(surface, u, v)
     first = Partials(second.point, second.u, second.v)
     n = unit(cross_product(first))
@@ -85,7 +83,7 @@ def _from_matrix(
 
 
 def _limit_at(surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]) -> Curvature:
-    """Curvatures by extrapolating the shape tensor κ₁ d₁d₁ᵀ + κ₂ d₂d₂ᵀ, which is smooth across a pole, to 5th order."""
+    """Curvatures from the shape tensor κ₁ d₁d₁ᵀ + κ₂ d₂d₂ᵀ, smooth across a pole, by extrapolation."""
     step_u, step_v = inward_way(surface, u, v)
     # Round-off grows like eps / distance², the error of the extrapolation like distance⁵.
     steps = eps(u.dtype) ** (1 / 5) * jnp.arange(1, 6, dtype=u.dtype)

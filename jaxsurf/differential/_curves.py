@@ -12,7 +12,7 @@ from ..curve import AbstractCurve
 
 
 class FrenetFrame(eqx.Module):
-    """Unit tangent, principal normal and binormal, right-handed, each (..., 3); with curvature and torsion, each (...)."""
+    """Unit tangent, principal normal and binormal, right-handed, (..., 3); curvature and torsion, (...)."""
 
     tangent: Float[Array, "*batch 3"]
     normal: Float[Array, "*batch 3"]
@@ -22,7 +22,7 @@ class FrenetFrame(eqx.Module):
 
 
 def curve_curvature(curve: AbstractCurve, u: Numbers) -> Float[Array, "*batch"]:
-    """κ = |C' × C''| / |C'|³ in 1 / length; of a plane curve (points (x, y)) signed, positive where it turns left.
+    """κ = |C' × C''| / |C'|³ in 1 / length; of a curve of points (x, y) signed, positive where it turns left.
 
     In space κ ≥ 0; where it vanishes (a straight piece, an inflection) its gradient is 0. Where C' = 0 it is
     0. Source: do Carmo, Differential Geometry of Curves and Surfaces, §1-5.
@@ -31,9 +31,9 @@ def curve_curvature(curve: AbstractCurve, u: Numbers) -> Float[Array, "*batch"]:
 
 
 def torsion(curve: AbstractCurve, u: Numbers) -> Float[Array, "*batch"]:
-    """τ = ⟨C' × C'', C'''⟩ / |C' × C''|² in 1 / length, positive for a right-handed helix; 0 where the curve is straight.
+    """τ = ⟨C' × C'', C'''⟩ / |C' × C''|² in 1 / length, positive for a right-handed helix.
 
-    Source: do Carmo, §1-5 (with the opposite sign of τ).
+    It is 0 where the curve is straight. Source: do Carmo, §1-5 (with the opposite sign of τ).
     """
     return frenet_frame(curve, u).torsion
 

@@ -24,13 +24,13 @@ class FundamentalForm(eqx.Module):
 
 
 def first_form(surface: AbstractSurface, u: Numbers, v: Numbers) -> FundamentalForm:
-    """E = ⟨S_u, S_u⟩, F = ⟨S_u, S_v⟩, G = ⟨S_v, S_v⟩: lengths, angles and areas on the surface (do Carmo, §2-5)."""
+    """E = ⟨S_u, S_u⟩, F = ⟨S_u, S_v⟩, G = ⟨S_v, S_v⟩: lengths, angles, areas (do Carmo, §2-5)."""
     first = partials(surface, u, v)
     return FundamentalForm(_dot(first.u, first.u), _dot(first.u, first.v), _dot(first.v, first.v))
 
 
 def second_form(surface: AbstractSurface, u: Numbers, v: Numbers) -> FundamentalForm:
-    """L = ⟨S_uu, n⟩, M = ⟨S_uv, n⟩, N = ⟨S_vv, n⟩, positive where the surface bends towards its normal (do Carmo, §3-3)."""
+    """L = ⟨S_uu, n⟩, M = ⟨S_uv, n⟩, N = ⟨S_vv, n⟩: the bending towards the normal (do Carmo, §3-3)."""
     second = second_partials(surface, u, v)
     n = normal(surface, u, v)
     return FundamentalForm(_dot(second.uu, n), _dot(second.uv, n), _dot(second.vv, n))

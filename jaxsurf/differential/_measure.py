@@ -26,14 +26,17 @@ def arc_length(
 ) -> Float[Array, ""]:
     """Length ∫ |C'(u)| du from parameter a to b, by default of the whole curve; negative if b < a.
 
-    Gauss-Legendre between the breaks; on concrete data spans are halved until the length is good to `tolerance` (relative,
-    default eps^(2/3): 4e-11 in f64, 2e-5 in f32), under tracing each is split in 8. Differentiable in the curve, a and b.
+    Gauss-Legendre between the breaks; on concrete data spans are halved until the length is good to
+    `tolerance` (relative, default eps^(2/3): 4e-11 in f64, 2e-5 in f32), under tracing each is split in 8.
+    Differentiable in the curve, a and b.
     """
     dtype = curve.dtype
     first, last = (jnp.asarray(end, dtype) for end in curve.domain)
     start, end = (first if a is None else as_float(a, dtype)), (last if b is None else as_float(b, dtype))
     if start.shape or end.shape:
-        raise InputError(f"`a` and `b` must be numbers, got shapes {start.shape} and {end.shape}; use `jax.vmap`.")
+        raise InputError(
+            f"`a` and `b` must be numbers, got shapes {start.shape}, {end.shape}; use `jax.vmap`."
+        )
     low, high = jnp.minimum(start, end), jnp.maximum(start, end)
     inner = jnp.clip(jnp.asarray(breaks(curve), dtype)[1:-1], low, high)
     edges = jnp.concatenate([low[None], inner, high[None]])
@@ -49,10 +52,11 @@ def area(surface: AbstractSurface, *, tolerance: float | None = None) -> Float[A
 def volume(
     surfaces: AbstractSurface | Sequence[AbstractSurface], *, tolerance: float | None = None
 ) -> Float[Array, ""]:
-    """Volume inside one closed surface or several that close together, positive if their normals point outwards.
+    """Volume inside one closed surface or several that close together; positive if normals point outwards.
 
-    ⅓ ∬ ⟨S − o, S_u × S_v⟩ du dv over all of them (divergence theorem), o a point of the first. That they close is not
-    checked: an open end contributes the cone from it to o. `tolerance` as in `arc_length`, for each surface.
+    ⅓ ∬ ⟨S − o, S_u × S_v⟩ du dv over all of them (divergence theorem), o a point of the first. That they
+    close is not checked: an open end contributes the cone from it to o. `tolerance` as in `arc_length`, for
+    each surface.
     """
     pieces = [surfaces] if isinstance(surfaces, AbstractSurface) else list(surfaces)
     if not pieces:

@@ -40,7 +40,7 @@ def where_degenerate(
     u: Float[Array, "*b"],
     v: Float[Array, "*b"],
 ) -> Result:
-    """`direct` at all points, which also says where it fails, and the dear `limit` there, if anywhere at all."""
+    """`direct` at all points, which also says where it fails, and there, if anywhere, `limit`."""
     found, failed = map_points(direct, surface, u, v, chunk=PARTIALS_CHUNK)
 
     def mended() -> Result:
@@ -61,7 +61,7 @@ def _direct_at(
 
 
 def is_degenerate(surface: AbstractSurface, first: Partials) -> Array:
-    """Whether S_u × S_v may be too small against the larger partial, over the domain's lengths, to give a direction."""
+    """Whether S_u × S_v may be too small for a direction, against the larger partial and the domain."""
     (a, b), (c, d) = surface.domain
     along_u, along_v = norm(first.u) * (b - a), norm(first.v) * (d - c)
     area = norm(cross_product(first)) * (b - a) * (d - c)
@@ -92,7 +92,7 @@ def inward_way(
 
 
 def _limit_at(surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
-    """The normal from the Taylor coefficients of C(t) = S_u × S_v on the way t towards the middle of the domain."""
+    """The normal from the Taylor coefficients of C(t) = S_u × S_v on the way t into the domain."""
     step_u, step_v = inward_way(surface, u, v)
     way = lambda t: cross_product(partials_at(surface, u + t * step_u, v + t * step_v))
     slope = lambda t: jax.jvp(way, (t,), (jnp.ones_like(t),))

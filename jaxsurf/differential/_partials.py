@@ -13,7 +13,7 @@ from ..curve import AbstractCurve
 from ..surface import AbstractSurface
 
 PARTIALS_CHUNK = 2_500
-"""Points differentiated together: with three to six results per point a quarter of the usual chunk fills the caches."""
+"""Points differentiated together: three to six results per point fill the caches with fewer points."""
 
 
 class Partials(eqx.Module):
@@ -36,23 +36,24 @@ class Partials2(eqx.Module):
 
 
 def derivative(shape: AbstractCurve | AbstractSurface, *arguments: Any, order: Any = None) -> Array:
-    """Derivatives of a curve, `derivative(curve, u, order)`, or a surface, `derivative(surface, u, v, order)`.
+    """Derivatives of a curve, `derivative(curve, u, order)`, or surface, `derivative(surface, u, v, order)`.
 
     The order of a curve is a whole number ≥ 0 (default 1), that of a surface a pair: times by u, times by v
     (default (1, 0)). At breaks the derivative is that from the right. Parameters have any shape and are
     broadcast; result (..., 3).
     """
-    count = 1 if isinstance(shape, AbstractCurve) else 2
-    parameters, rest = arguments[:count], arguments[count:]
-    if len(parameters) < count or len(rest) > 1 or (rest and order is not None):
-        call = "derivative(curve, u, order)" if count == 1 else "derivative(surface, u, v, order)"
+    is_curve = isinstance(shape, AbstractCurve)
+    count = 1 if is_curve else 2
+    orders = [*arguments[count:], *([] if order is None else [order])]
+    if len(arguments) < count or len(orders) > 1:
+        call = "derivative(curve, u, order)" if is_curve else "derivative(surface, u, v, order)"
         raise InputError(
             f"A {type(shape).__name__} is differentiated by `{call}`, got {len(arguments)} arguments after it"
             + (" and `order`." if order is not None else ".")
         )
-    if rest:
-        order = rest[0]
-    return shape.derivative(*parameters) if order is None else shape.derivative(*parameters, order)
+    if is_curve:
+        return shape.derivative(arguments[0], *orders)
+    return shape.derivative(arguments[0], arguments[1], *orders)
 
 
 def partials(surface: AbstractSurface, u: Numbers, v: Numbers) -> Partials:

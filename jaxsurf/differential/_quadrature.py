@@ -24,9 +24,10 @@ def integral(
 ) -> Float[Array, ""]:
     """∫ function(shape, *parameters) over the rectangle of the breaks `edges`, one array per parameter.
 
-    On concrete data boxes are halved until halving changes their integrals, in sum, by less than `tolerance` times the
-    integral of |function| (default eps^(2/3)). Under tracing each span is split into a fixed generous number of boxes, and the
-    integral is differentiable in shape and edges. `function` is one of a module, since it is compiled by its identity.
+    On concrete data boxes are halved until halving changes their integrals, in sum, by less than `tolerance`
+    times the integral of |function| (default eps^(2/3)). Under tracing each span is split into a fixed
+    generous number of boxes, and the integral is differentiable in shape and edges. `function` is one of a
+    module, since it is compiled by its identity.
     """
     if not is_concrete(shape, edges):
         low, high = _boxes(tuple(split_spans(edge, TRACED_SPLITS[len(edges)]) for edge in edges))
@@ -39,7 +40,7 @@ def integral(
 def box_integrals(
     function: Callable[..., Array], shape: Any, low: Float[Array, "n d"], high: Float[Array, "n d"]
 ) -> Float[Array, "n"]:
-    """Gauss-Legendre integrals over boxes with the corners `low` and `high`; a polynomial of degree 15 exactly."""
+    """Gauss-Legendre integrals over boxes from `low` to `high`; exact for polynomials of degree 15."""
     nodes, weights = gauss(low.dtype, low.shape[1])
     places = low[:, None] + (high - low)[:, None] * nodes[None]
     values = map_points(function, shape, *jnp.moveaxis(places, -1, 0))
@@ -57,7 +58,7 @@ def gauss(dtype: Any, dimension: int = 1) -> tuple[Float[Array, "k d"], Float[Ar
 def settled_edges(
     function: Callable[..., Array], shape: Any, edge: Any, tolerance: float | None = None
 ) -> np.ndarray:
-    """Breaks of one parameter, refined until the integrals between them are within `tolerance`; concrete data.
+    """Breaks of one parameter, refined until integrals between them are within `tolerance`; concrete data.
 
     The last one is repeated up to the next power of two, so that few sizes are compiled.
     """
@@ -91,7 +92,8 @@ def _settle(
         values = parts[~settled].reshape(-1)
     else:
         done.append((values, low, high))
-    return tuple(np.concatenate(column) for column in zip(*done, strict=True))
+    values, low, high = (np.concatenate(column) for column in zip(*done, strict=True))
+    return values, low, high
 
 
 def _concrete_integrals(

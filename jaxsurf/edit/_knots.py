@@ -4,10 +4,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._arguments import early
 from .._array import concrete, is_concrete
 from ..basis import elevated_knots, extend_periodic, inserted_knots, refinement_matrix
 from ._blossom import known_elevation, known_refinement
-from ._spline_axis import SplineAxis, concrete_knots, early
+from ._spline_axis import SplineAxis, concrete_knots
 
 
 def inserted(axis: SplineAxis, new: Float[Array, "m"]) -> SplineAxis:

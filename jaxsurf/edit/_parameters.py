@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._arguments import early
 from .._array import as_float, concrete, is_concrete
 from .._errors import InputError
 from ..curve import AbstractCurve, BSplineCurve, CompositeCurve, NURBSCurve
@@ -15,7 +16,7 @@ from ..curve._reversed import reversed_spline
 from ..surface import AbstractSurface, BSplineSurface, NURBSSurface, TrimmedSurface
 from ._knots import halves
 from ._reparametrised import ReparametrisedCurve, ReparametrisedSurface, affine, as_pair
-from ._spline_axis import SplineAxis, check_direction, directions, early, spline_axis, with_axis
+from ._spline_axis import SplineAxis, check_direction, directions, spline_axis, with_axis
 from ._transform import transform, with_pieces
 
 

@@ -5,6 +5,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from .._arguments import early
 from .._array import Numbers, as_float, concrete, eps, is_concrete
 from .._errors import InputError
 from ..curve import NURBSCurve
@@ -16,7 +17,6 @@ from ._spline_axis import (
     check_direction,
     concrete_knots,
     directions,
-    early,
     spline_axis,
     with_axis,
 )

@@ -1,21 +1,19 @@
 """One direction of a spline shape, whatever its class: what all knot operations work on."""
 
 import functools
-from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._arguments import early
 from .._array import concrete, is_concrete
 from .._errors import InputError
 from ..curve import AbstractCurve, BSplineCurve, NURBSCurve, homogeneous, project
 from ..surface import AbstractSurface, BSplineSurface, NURBSSurface
 
-Result = TypeVar("Result")
 SPLINES = (BSplineCurve, NURBSCurve, BSplineSurface, NURBSSurface)
 
 
@@ -35,14 +33,6 @@ class SplineAxis(eqx.Module):
         """First and last parameter."""
         first, last = (0, -1) if self.periodic else (self.degree, -self.degree - 1)
         return early(lambda knots: (knots[first], knots[last]), self.knots)
-
-
-def early(function: Callable[..., Result], *known: Any) -> Result:
-    """`function(*known)`, computed at once if all is known, so that known knots stay known inside `jit`."""
-    if not is_concrete(known):
-        return function(*known)
-    with jax.ensure_compile_time_eval():
-        return function(*known)
 
 
 def check_direction(shape: Any, direction: str | None, function: str) -> None:

@@ -22,8 +22,11 @@ from ._parametrise import Parametrisation, check_sheet, parametrise
 from ._problem import Linearised, Problem, free_leaves
 from ._refine import refined_knots
 
-_COARSE = 4  # spans of the first net: enough to bend with the sheet, too few to follow noise
-_ATTENUATION = 1e-3  # share of the shortest ripple of the net that the background bending takes away
+_COARSE = 4  # spans of the first net where a tolerance is to be met: enough to bend with the sheet
+_STIFF = 1.0  # the same for the first net, which must not fold
+_RTOL = 0.01  # relative gain of the objective below which a stage ends: the rest is gliding along the sheet
+_SLIDING = 0.1  # keeps the isolines of the net even: they follow the unrolled sheet
+_ATTENUATION = 0.1  # share of the shortest ripple of the net that the background bending takes away
 
 
 class Stage(eqx.Module):
@@ -70,8 +73,8 @@ def fit_cloud(
 ) -> CloudFit:
     """Fit a B-spline surface to an unordered sheet-like cloud (N, 3) of unknown parametrisation.
 
-    spans: knot intervals per direction, u along the longer side; without them 8 × 8, or where a tolerance is given as many as it
-    needs. tolerance: knots are inserted where points lie farther than that, until a share `quantile` of them lies within,
+    spans: knot intervals per direction of the first net, u along the longer side; by default 8 × 8, or 4 × 4 where a tolerance
+    is given. tolerance: knots are inserted where points lie farther than that, until a share `quantile` of them lies within,
     or `max_spans` are reached, or there would be fewer than two points for a control point. degree, loss, fairness: as
     in `fit`. holdout: share of the points that a second fit of the same net leaves out, to measure the deviation of
     points it has not seen (the surface that is returned has seen all).
@@ -83,37 +86,28 @@ def fit_cloud(
     host = np.asarray(concrete(points), np.float64)
     check_sheet(host)
     _check_options(len(host), spans, tolerance, quantile, degree, holdout, max_spans)
-    target = spans if spans is not None else ((8, 8) if tolerance is None else None)
-    limit = target if target is not None else (max_spans, max_spans)
-    coarse = tuple(min(_COARSE, most) for most in limit)
-    _check_enough(len(host), coarse if target is None else target, degree)
+    first = spans if spans is not None else ((8, 8) if tolerance is None else (_COARSE, _COARSE))
+    first = (min(first[0], max_spans), min(first[1], max_spans))
+    _check_enough(len(host), first, degree)
 
-    progress(Event("parametrise"))
-    options = {"loss": loss, "fairness": fairness, "progress": progress}
-    started = _best_start(points, parametrise(host), coarse, degree, progress)
-    done = _refit(started, points, None, {**options, "phase": _phase(coarse)})
+    watched = _Watched(progress)
+    watched(Event("parametrise"))
+    options = {"loss": loss, "fairness": fairness, "progress": watched}
+    start, feet = _best_start(points, parametrise(host), first, degree, watched)
+    done = _refit(start, points, feet, options)
     stages = [_stage(done, tolerance)]
-    knots_u, knots_v = done.shape.knots_u, done.shape.knots_v
-    while not done.stopped:
-        if target is not None:
-            if _spans(done.shape) == target:
-                break
-            knots_u, knots_v = (clamped_knots(n + degree, degree).astype(points.dtype) for n in target)
-        else:
-            if stages[-1].within is not None and stages[-1].within >= quantile:
-                break
-            finer = refined_knots(done.shape, done.foot.parameters, done.deviation.signed, float(tolerance or 0), max_spans)
-            count = [len(k) - degree - 1 for k in finer]
-            if finer == (None, None) or count[0] * count[1] * 2 > len(host):
-                break
-            knots_u, knots_v = (jnp.asarray(k, points.dtype) for k in finer)
+    while tolerance is not None and not done.stopped and (stages[-1].within or 0) < quantile:
+        finer = refined_knots(done.shape, done.foot.parameters, done.deviation.signed, tolerance, max_spans)
+        if finer is None or 2 * np.prod([len(k) - degree - 1 for k in finer]) > len(host):
+            break
+        knots_u, knots_v = (jnp.asarray(k, points.dtype) for k in finer)
         start = linear_start(points, done.foot.parameters, knots_u, knots_v, degree, side_lengths(done.shape))
-        done = _refit(start, points, done.foot.parameters, {**options, "phase": _phase(_spans(start))})
+        done = _refit(start, points, done.foot.parameters, options)
         stages.append(_stage(done, tolerance))
     left_out = None
     if holdout > 0 and not done.stopped:
         left_out = _hold_out(done, points, holdout, seed, options)
-    met = None if tolerance is None else bool(stages[-1].within is not None and stages[-1].within >= quantile)
+    met = None if tolerance is None else (stages[-1].within or 0) >= quantile
     return CloudFit(
         done.shape,
         done.foot,
@@ -163,48 +157,65 @@ def _linear_fit(
     return eqx.tree_at(lambda s: s.control_points, flat, (solved + centre).reshape(flat.control_points.shape))
 
 
+class _Watched:
+    """The caller's progress, remembering a wish to stop; never the silent default itself, so that every fit of a cloud is
+    stepped by the same compiled function."""
+
+    def __init__(self, progress: Progress):
+        self.progress, self.stop = progress, False
+
+    def __call__(self, event: Event) -> bool:
+        self.stop = bool(self.progress(event)) or self.stop
+        return self.stop
+
+
 def _best_start(
     points: Float[Array, "N 3"],
     candidates: list[Parametrisation],
     spans: tuple[int, int],
     degree: int,
     progress: Progress,
-) -> BSplineSurface:
-    """The coarse net of the candidate whose short fit comes closest to the thinned cloud, its normal on the outer side."""
+) -> tuple[BSplineSurface, Array | None]:
+    """A first net, stiff, and the feet on it: of the candidate whose short fit comes closest to the thinned cloud."""
     best, best_rms = None, np.inf
     knots_u, knots_v = (clamped_knots(n + degree, degree).astype(points.dtype) for n in spans)
     sample = points[candidates[0].index]
-    for number, candidate in enumerate(candidates):
-        progress(Event("unroll", number + 1, len(candidates)))
+    for candidate in candidates:
         parameters = jnp.asarray(candidate.parameters, points.dtype)
-        start = linear_start(sample, parameters, knots_u, knots_v, degree, candidate.sides, attenuation=0.1)
-        trial = fit(start, sample, start=parameters, bending=faint_bending(max(spans) + degree, 0.1), max_steps=8)
-        rms = float(trial.deviation.rms)
-        if rms < best_rms:
-            best, best_rms = trial.shape, rms
+        start = linear_start(sample, parameters, knots_u, knots_v, degree, candidate.sides, _STIFF)
+        start, parameters = _facing_outwards(start, parameters, np.asarray(sample).mean(axis=0))
+        stiff = faint_bending(max(spans) + degree, _STIFF)
+        trial = fit(start, sample, start=parameters, bending=stiff, sliding=_SLIDING, max_steps=6, progress=progress, phase="unroll")
+        if float(trial.deviation.rms) < best_rms:
+            best, best_rms = trial, float(trial.deviation.rms)
+        if trial.stopped:
+            break
     assert best is not None
-    return _facing_outwards(best, np.asarray(points).mean(axis=0))
+    return best.shape, best.foot.parameters if len(sample) == len(points) else None
 
 
-def _facing_outwards(surface: BSplineSurface, centre: np.ndarray) -> BSplineSurface:
-    """Turn u round if the normal points to the hollow side; on flat sheets, if it points down its main axis."""
+def _facing_outwards(
+    surface: BSplineSurface, parameters: Array, centre: np.ndarray
+) -> tuple[BSplineSurface, Array]:
+    """Turn u round if the normal points to the hollow side, or, on a flat sheet, against its main axis."""
     (a, b), (c, d) = surface.domain
     middle = 0.5 * (a + b), 0.5 * (c + d)
     normal = np.cross(surface.derivative(*middle, (1, 0)), surface.derivative(*middle, (0, 1)))
     outwards = np.asarray(surface(*middle)) - centre
-    length = np.linalg.norm
-    if length(outwards) < 0.02 * length(np.ptp(np.asarray(surface.control_points).reshape(-1, 3), axis=0)):
+    extent = np.linalg.norm(np.ptp(np.asarray(surface.control_points).reshape(-1, 3), axis=0))
+    if np.linalg.norm(outwards) < 0.02 * extent:
         outwards = np.eye(3)[int(np.argmax(np.abs(normal)))]
     if float(normal @ outwards) >= 0:
-        return surface
-    return eqx.tree_at(
-        lambda s: (s.control_points, s.knots_u), surface, (surface.control_points[::-1], a + b - surface.knots_u[::-1])
-    )
+        return surface, parameters
+    turned = (surface.control_points[::-1], a + b - surface.knots_u[::-1])
+    flipped = jnp.stack([a + b - parameters[:, 0], parameters[:, 1]], axis=1)
+    return eqx.tree_at(lambda s: (s.control_points, s.knots_u), surface, turned), flipped
 
 
 def _refit(start: BSplineSurface, points: Array, feet: Any, options: dict[str, Any]) -> Fit:
     weight = faint_bending(max(start.control_points.shape[:2]), _ATTENUATION)
-    return fit(start, points, start=feet, bending=weight, **options)
+    phase = options.get("phase", "fit {} × {} spans".format(*_spans(start)))
+    return fit(start, points, start=feet, bending=weight, sliding=_SLIDING, rtol=_RTOL, **{**options, "phase": phase})
 
 
 def _hold_out(done: Fit, points: Array, share: float, seed: int, options: dict[str, Any]) -> Deviation | None:
@@ -228,10 +239,6 @@ def _spans(surface: BSplineSurface) -> tuple[int, int]:
     return n - surface.degree_u, m - surface.degree_v
 
 
-def _phase(spans: tuple[int, int]) -> str:
-    return f"fit {spans[0]} × {spans[1]} spans"
-
-
 def _check_options(
     count: int, spans: Any, tolerance: Any, quantile: float, degree: int, holdout: float, max_spans: int
 ) -> None:
@@ -239,8 +246,6 @@ def _check_options(
         raise InputError(f"`spans` must be two whole numbers ≥ 1 such as (8, 8), got {spans!r}.")
     if tolerance is not None and not tolerance > 0:
         raise InputError(f"`tolerance` must be a length > 0, got {tolerance}.")
-    if spans is not None and tolerance is not None:
-        raise InputError("`spans` and `tolerance` exclude each other: give the size of the net, or let the tolerance find it.")
     if not 0 < quantile <= 1:
         raise InputError(f"`quantile` must be in (0, 1], got {quantile}.")
     if not 1 <= degree <= 7:

@@ -14,7 +14,7 @@ from .._array import Numbers, as_float, concrete, is_concrete
 from .._errors import InputError
 from .._progress import Progress, silent
 from ..curve import AbstractCurve
-from ..query import Foot, closest_point
+from ..query import Foot, closest_point, foot_at
 from ..surface import AbstractSurface, BSplineSurface
 from ._bending import bending_matrix
 from ._deviation import Deviation
@@ -53,11 +53,11 @@ def fit(
     free: Callable[[Any], Any] | None = None,
     weights: Numbers | None = None,
     start: Numbers | None = None,
+    sliding: float = 1e-3,
     rtol: float = 1e-5,
     max_steps: int = 60,
     progress: Progress = silent,
     phase: str = "fit",
-    sliding: float = 0.01,
 ) -> Fit:
     """Fit a curve or surface to an unordered cloud (N, 3): minimise the distances of the points to their feet on it.
 
@@ -66,7 +66,8 @@ def fit(
     "huber", "cauchy" or "tukey", whose scale follows the noise found. fairness: weight of the scale-free curvature variation
     against the mean squared distance in units of size²; it does not shrink circles (useful: 1e-9 … 1e-3). bending: weight of
     the quadratic bending energy of B-spline nets that holds what no point determines; `None` is a weight too weak to be
-    seen in the covered part. start: parameters of first feet, from an earlier fit. phase: what `progress` is told.
+    seen in the covered part. start: parameters of first feet, from an earlier fit. sliding: how much the solver
+    resists gliding of the net along the sheet, which points do not see; it steers the way, not the goal. phase: what `progress` is told.
 
     Levenberg-Marquardt on signed distances with the feet eliminated (Gauss-Newton by the envelope theorem), normal
     equations accumulated in chunks, stepped by optimistix until a step gains less than `rtol` of the objective.
@@ -83,22 +84,39 @@ def fit(
     net_is_free = free_flags[0] and isinstance(shape, BSplineSurface) and not any(free_flags[1:])
     penalty = bending_matrix(shape, sides) if net_is_free else None
     weight = _faint(shape) if bending is None else bending
-    foot = closest_point(shape, points, start=start)
-    feet = foot.parameters.reshape(points.shape[0], -1)
+    if start is None:
+        start = closest_point(shape, points).parameters
+    feet = as_float(start, points.dtype).reshape(points.shape[0], -1)
     total = jnp.zeros((), jnp.int32)
     found: Solved | None = None
     for name in _rounds(loss):
-        scale = jnp.maximum(noise_scale(foot.distance, weights) * find_loss(name).deviations, 1e-12 * size)
+        scale = number(1) if name == "squared" else _noise(shape, points, feet, weights, name, size)
         problem = Problem(
-            shape, points, weights, size, number(scale), number(weight), number(fairness), number(sliding), free_flags, name, fairness != 0
+            shape,
+            points,
+            weights,
+            size,
+            scale,
+            number(weight),
+            number(fairness),
+            number(sliding),
+            free_flags,
+            name,
+            fairness != 0,
         )
         found = solve(problem, feet, penalty, rtol=rtol, max_steps=max_steps, progress=progress, phase=phase)
         shape, feet, total = problem.member(found.theta), found.feet, total + found.steps.astype(jnp.int32)
-        foot = closest_point(shape, points, start=feet)
         if found.stopped:
             break
+    foot = foot_at(shape, points, feet)
     assert found is not None
     return Fit(shape, foot, Deviation(foot.distance), found.result, total, found.stopped)
+
+
+def _noise(shape: Any, points: Array, feet: Array, weights: Array, loss: str, size: Array) -> Float[Array, ""]:
+    """The scale of a robust loss, from the distances at hand; never 0."""
+    distance = foot_at(shape, points, feet).distance
+    return jnp.maximum(noise_scale(distance, weights) * find_loss(loss).deviations, 1e-12 * size)
 
 
 def _rounds(loss: str) -> tuple[str, ...]:

@@ -12,11 +12,11 @@ def refined_knots(
     signed: Float[Array, "N"],
     tolerance: float,
     max_spans: int,
-) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
+) -> tuple[np.ndarray, np.ndarray] | None:
     """Knots of a finer net: spans are halved where the points over or under them lie beyond the tolerance.
 
     A span is halved if more of its points are beyond the tolerance than a well fitted span would have (2.5 %), in each
-    direction for itself, up to `max_spans`; the worst spans come first. If no span can be halved: `(None, None)`.
+    direction for itself, up to `max_spans`; the worst spans come first. `None` if no span can be halved.
     """
     beyond = np.abs(np.asarray(signed)) > tolerance
     parameters = np.asarray(parameters)
@@ -38,4 +38,4 @@ def refined_knots(
         changed |= bool(halved)
         new = 0.5 * (breaks[halved] + breaks[np.asarray(halved, int) + 1])
         finer.append(np.sort(np.concatenate([knots, new])))
-    return (finer[0], finer[1]) if changed else (None, None)
+    return (finer[0], finer[1]) if changed else None

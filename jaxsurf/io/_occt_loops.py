@@ -6,8 +6,10 @@ from ._occt_geometry import curve_arrays
 from ._occt_session import occt
 from ._spline_arrays import SplineArrays
 
-# Plane curves that are rational (circles) are approximated this closely, in multiples of the loop's size.
-LOOP_TOLERANCE = 1e-9
+# Plane curves that are rational (circles) are approximated this closely, in multiples of their size, with
+# this degree: 99 points for a circle. Degree 9 needs 27, but evaluating it takes long to compile.
+LOOP_TOLERANCE = 1e-8
+LOOP_DEGREE = 5
 # Neighbouring edges of other systems' files meet in the parameter plane only so closely.
 LOOP_GAP = 1e-3
 
@@ -16,8 +18,11 @@ class OpenLoopError(ValueError):
     """The edges of a wire do not meet in the parameter plane."""
 
 
-def face_loops(face) -> list[SplineArrays]:
-    """The loops of a forward face, the outer one first and counter-clockwise, holes clockwise, if any."""
+def face_loops(face, *, converted: bool = False) -> list[SplineArrays]:
+    """The loops of a forward face, the outer one first and counter-clockwise, holes clockwise, if any.
+
+    `converted`: OCCT made the plane curves, so that high degrees among them may be lowered.
+    """
     explorer = occt("TopExp").TopExp_Explorer(face, occt("TopAbs").TopAbs_ShapeEnum.TopAbs_WIRE)
     topods = occt("TopoDS").TopoDS
     wires = []
@@ -26,7 +31,7 @@ def face_loops(face) -> list[SplineArrays]:
         explorer.Next()
     outer = occt("BRepTools").BRepTools.OuterWire_s(face)
     wires.sort(key=lambda wire: not wire.IsSame(outer))  # stable: the holes keep their order
-    loops = [_joined(_pieces(wire, face)) for wire in wires]
+    loops = [_joined(_pieces(wire, face, converted)) for wire in wires]
     return [turned(loop) if (signed_area(loop) < 0) == (i == 0) else loop for i, loop in enumerate(loops)]
 
 
@@ -43,14 +48,14 @@ def turned(curve: SplineArrays) -> SplineArrays:
     return SplineArrays(curve.points[::-1], weights, (knots,), curve.degrees)
 
 
-def _pieces(wire, face) -> list:
+def _pieces(wire, face, converted) -> list:
     """The plane curves of a wire's edges in the order and sense of the wire, all polynomial."""
     explorer = occt("BRepTools").BRepTools_WireExplorer(wire, face)
     reversed_ = occt("TopAbs").TopAbs_Orientation.TopAbs_REVERSED
     pieces = []
     while explorer.More():
         edge = explorer.Current()
-        piece = _plane_curve(occt("BRepAdaptor").BRepAdaptor_Curve2d(edge, face))
+        piece = _plane_curve(occt("BRepAdaptor").BRepAdaptor_Curve2d(edge, face), converted)
         if edge.Orientation() == reversed_:
             piece.Reverse()
         pieces.append(piece)
@@ -58,17 +63,17 @@ def _pieces(wire, face) -> list:
     return pieces
 
 
-def _plane_curve(adaptor):
+def _plane_curve(adaptor, converted):
     first, last = adaptor.FirstParameter(), adaptor.LastParameter()
     trimmed = occt("Geom2d").Geom2d_TrimmedCurve(adaptor.Curve(), first, last)
     convert = occt("Geom2dConvert")
     curve = convert.Geom2dConvert.CurveToBSplineCurve_s(trimmed)
-    if curve.IsRational():
+    if curve.IsRational() or (converted and curve.Degree() > LOOP_DEGREE):
         ends = [curve.Value(t) for t in np.linspace(first, last, 9).tolist()]
         size = float(np.ptp([(end.X(), end.Y()) for end in ends], axis=0).max())
         smooth = occt("GeomAbs").GeomAbs_Shape.GeomAbs_C2
-        # Degree 9 describes a circle to 1e-9 with 31 points, degree 5 with 195.
-        curve = convert.Geom2dConvert_ApproxCurve(trimmed, LOOP_TOLERANCE * size, smooth, 1000, 9).Curve()
+        shorter = convert.Geom2dConvert_ApproxCurve(trimmed, LOOP_TOLERANCE * size, smooth, 1000, LOOP_DEGREE)
+        curve = shorter.Curve()
     return curve
 
 

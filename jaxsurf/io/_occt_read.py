@@ -95,7 +95,7 @@ def _surface(face):
     else:
         # The NURBS form has other parameters than angles: OCCT carries the outline over.
         forward = topods.Face(occt("BRepBuilderAPI").BRepBuilderAPI_NurbsConvert(forward, True).Shape())
-        arrays, loops = surface_arrays(tool.Surface_s(forward)), face_loops(forward)
+        arrays, loops = surface_arrays(tool.Surface_s(forward)), face_loops(forward, converted=True)
     if _is_reversed(face):
         arrays, loops = _flipped(arrays, loops)
     surface = _spline_surface(arrays)

@@ -125,6 +125,14 @@ def refine_feet(
     return map_points(search, jax.lax.stop_gradient(shape), *points.T, *parameters.T, chunk=_CHUNK)
 
 
+@eqx.filter_jit
+def foot_at(shape: Any, points: Float[Array, "N d"], parameters: Float[Array, "N k"]) -> Foot:
+    """The feet at known parameters, not refined."""
+    d = points.shape[1]
+    measure = lambda shape, *row: _measured(shape, jnp.stack(row[:d]), jnp.stack(row[d:]))
+    return map_points(measure, shape, *points.T, *parameters.T, chunk=_CHUNK)
+
+
 def _foot(shape: Any, p: Float[Array, "d"], t: Float[Array, "k"]) -> Foot:
     """The foot at converged parameters `t`, with implicit derivatives."""
     found = jax.lax.stop_gradient(t)
@@ -137,7 +145,11 @@ def _foot(shape: Any, p: Float[Array, "d"], t: Float[Array, "k"]) -> Foot:
     def tangent_solve(linear: Any, y: Float[Array, "k"]) -> Float[Array, "k"]:
         return _solve_small(jax.jacfwd(linear)(jnp.zeros_like(y)), y)
 
-    t = jax.lax.custom_root(stationary, t, lambda _, x: x, tangent_solve)
+    return _measured(shape, p, jax.lax.custom_root(stationary, t, lambda _, x: x, tangent_solve))
+
+
+def _measured(shape: Any, p: Float[Array, "d"], t: Float[Array, "k"]) -> Foot:
+    """Point and signed distance at the foot's parameters."""
     point, tangents = value_and_tangents(shape, t)
     offset = p - point
     if isinstance(shape, AbstractCurve):

@@ -1,13 +1,14 @@
 """B-spline surfaces."""
 
-from functools import reduce
+from functools import partial, reduce
 from operator import add
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jax.custom_derivatives import SymbolicZero
+from jaxtyping import Array, Float, Int
 
 from .._array import Numbers, as_float, take
 from .._errors import InputError
@@ -15,6 +16,8 @@ from .._registry import register
 from ..basis import BSplineBasis, check_knots
 from ..curve import combine
 from ._abstract import AbstractSurface
+
+_DENSE_LIMIT = 80  # control points up to which a matrix with mostly zeros is faster on a grid (20: 4 times)
 
 
 @register
@@ -88,15 +91,28 @@ def combine_net(
 ) -> Float[Array, "d"]:
     """Σ_ij B_i(u) B_j(v) net_ij, unrolled: one gather of a short vector per term.
 
-    A gather of the whole block and an `einsum` is 8 times slower on a processor. One product of weights per term, not a
-    sum per row: the compiler then keeps the whole accumulation in one loop, derivatives included.
+    A gather of the whole block and an `einsum` is 8 times slower on a processor.
     """
     unrolled = _unroll(basis_u, basis_v, net)
     columns = unrolled.shape[1]
-    rows = unrolled.reshape(-1, net.shape[2])
     first_u, values_u = basis_u.local(u)
     first_v, values_v = basis_v.local(v)
     corner = first_u * columns + first_v
+    return _sum_block(columns, unrolled.reshape(-1, net.shape[2]), corner, values_u, values_v)
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _sum_block(
+    columns: int,
+    rows: Float[Array, "nm d"],
+    corner: Int[Array, ""],
+    values_u: list[Float[Array, ""]],
+    values_v: list[Float[Array, ""]],
+) -> Float[Array, "d"]:
+    """Σ_ij values_u[i] values_v[j] rows[corner + i·columns + j].
+
+    One product of weights per term, not a sum per row: the compiler then keeps the accumulation in one loop.
+    """
     return reduce(
         add,
         (
@@ -107,6 +123,35 @@ def combine_net(
     )
 
 
+@partial(_sum_block.defjvp, symbolic_zeros=True)
+def _(columns: int, primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Array]:
+    """The product rule, with one thing more: for derivatives by the rows the weights are computed once and kept.
+
+    Left alone the compiler computes the basis anew for each of the sixteen scatters of a reverse gradient, which
+    then takes 6 times the time of the value; so it takes 2.5 times.
+    """
+    rows, corner, values_u, values_v = primals
+    by_rows, _, by_u, by_v = tangents
+    terms = []
+    if not _is_zero(by_rows):
+        kept_u, kept_v = jax.lax.optimization_barrier((jnp.stack(values_u), jnp.stack(values_v)))
+        terms.append(_sum_block(columns, by_rows, corner, list(kept_u), list(kept_v)))
+    if not _is_zero(by_u):
+        terms.append(_sum_block(columns, rows, corner, by_u, values_v))
+    if not _is_zero(by_v):
+        terms.append(_sum_block(columns, rows, corner, values_u, by_v))
+    return _sum_block(columns, rows, corner, values_u, values_v), reduce(add, terms)
+
+
+def _is_zero(tangents: Any) -> bool:
+    leaves = jax.tree.leaves(tangents, is_leaf=_is_symbolic)
+    return all(_is_symbolic(leaf) for leaf in leaves)
+
+
+def _is_symbolic(tangent: Any) -> bool:
+    return isinstance(tangent, SymbolicZero)
+
+
 def contract_net(
     basis_u: BSplineBasis,
     basis_v: BSplineBasis,
@@ -114,10 +159,17 @@ def contract_net(
     u: Float[Array, "m"],
     v: Float[Array, "k"],
 ) -> Float[Array, "m k d"]:
-    """All Σ_ij B_i(u_a) B_j(v_b) net_ij: the net's rows are combined once for every u, then each along v."""
-    rows = net.reshape(net.shape[0], -1)
-    along_u = jax.vmap(lambda s: combine(basis_u, rows, s))(u).reshape(-1, *net.shape[1:])
-    return jax.vmap(lambda row: jax.vmap(lambda t: combine(basis_v, row, t))(v))(along_u)
+    """All Σ_ij B_i(u_a) B_j(v_b) net_ij: the net's rows are evaluated along v, then all of them combined along u."""
+    n, m, d = net.shape
+    along_v = _contract(basis_v, jnp.swapaxes(net, 0, 1).reshape(m, n * d), v)
+    rows = jnp.swapaxes(along_v.reshape(-1, n, d), 0, 1).reshape(n, -1)
+    return _contract(basis_u, rows, u).reshape(u.shape[0], v.shape[0], d)
+
+
+def _contract(basis: BSplineBasis, rows: Float[Array, "n w"], u: Float[Array, "m"]) -> Float[Array, "m w"]:
+    if basis.size > _DENSE_LIMIT:
+        return jax.vmap(lambda s: combine(basis, rows, s))(u)
+    return jnp.matmul(basis.matrix(u), rows, precision=jax.lax.Precision.HIGHEST)
 
 
 def _unroll(

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._arguments import as_type
+from .._arguments import as_type, early
 from .._array import Numbers, as_float, concrete, eps, is_concrete, map_points
 from .._errors import InputError
 from .._registry import register
@@ -67,20 +67,21 @@ def _(shape: TrimmedSurface) -> tuple[Any, Any]:
     return breaks(shape.surface)
 
 
+@eqx.filter_jit
 def loop_polygon(loop: BSplineCurve) -> Float[Array, "n 2"]:
-    """Corners of the closed polygon that stands for a loop; 32 a knot span, or exactly those of degree 1."""
+    """Points along a loop, both ends included; 32 a knot span, or exactly the corners of degree 1."""
     sides = 1 if loop.degree == 1 else _SIDES
     knots = loop.knots if loop.periodic else loop.knots[loop.degree : loop.control_points.shape[0] + 1]
     fractions = jnp.arange(sides, dtype=loop.dtype) / sides
     parameters = knots[:-1, None] + jnp.diff(knots)[:, None] * fractions[None, :]
-    return jax.vmap(loop.point)(parameters.reshape(-1))
+    return jax.vmap(loop.point)(jnp.append(parameters.reshape(-1), knots[-1]))
 
 
-@eqx.filter_jit
 def _edges(loops: tuple[BSplineCurve, ...]) -> tuple[Float[Array, "n 2"], Float[Array, "n 2"]]:
-    polygons = [loop_polygon(loop) for loop in loops]
-    ends = [jnp.roll(polygon, -1, axis=0) for polygon in polygons]
-    return jnp.concatenate(polygons), jnp.concatenate(ends)
+    """Where the sides of all polygons start and end; the last of each ends exactly where the first starts."""
+    starts = [loop_polygon(loop)[:-1] for loop in loops]
+    ends = [jnp.roll(start, -1, axis=0) for start in starts]
+    return jnp.concatenate(starts), jnp.concatenate(ends)
 
 
 def _inside(edges: tuple[Array, Array], u: Float[Array, ""], v: Float[Array, ""]) -> Bool[Array, ""]:
@@ -105,11 +106,9 @@ def _oriented(loop: BSplineCurve, index: int) -> BSplineCurve:
         )
     if not is_concrete(loop):
         return loop
-    with jax.ensure_compile_time_eval():
-        corners, _ = (concrete(side) for side in _edges((loop,)))
-        ends = concrete(loop(jnp.stack(loop.domain)))
+    corners = concrete(early(loop_polygon, loop))
     size = float(np.linalg.norm(np.ptp(corners, axis=0)))
-    gap = float(np.linalg.norm(ends[1] - ends[0]))
+    gap = float(np.linalg.norm(corners[-1] - corners[0]))
     if gap > max(1e-9, 32 * eps(loop.dtype)) * size:
         raise InputError(f"`loops[{index}]` must be closed, but its ends are {gap:.3g} apart.")
     area = _signed_area(corners)

@@ -42,7 +42,8 @@ def choose_backend(backend: str) -> Literal["pyvista", "matplotlib"]:
         if opengl_window() is None:
             raise InputError(
                 "pyvista cannot render on this machine: it has no OpenGL. Install Mesa's libraries "
-                '(on Debian and Ubuntu `apt-get install libegl1 libgl1-mesa-dri`) or pass backend="matplotlib".'
+                "(on Debian and Ubuntu `apt-get install libegl1 libgl1-mesa-dri`) "
+                'or pass backend="matplotlib".'
             )
         return "pyvista"
     if _is_installed("pyvista") and opengl_window() is not None:

@@ -8,6 +8,7 @@ from ._raster import barycentric, nearest_faces
 from ._scene import BACK, FILL, KEY, Dots, Facets, Scene, Strokes, stroke_scale
 
 SAMPLES = 2  # per pixel and direction
+TOGETHER = 50_000  # pixels shaded at once: their temporaries stay in the caches
 
 
 def paint(scene: Scene, camera: Camera, size: tuple[int, int]) -> UInt8[np.ndarray, "h w 3"]:
@@ -27,15 +28,26 @@ def paint(scene: Scene, camera: Camera, size: tuple[int, int]) -> UInt8[np.ndarr
         own, face = nearest_faces(seen, facets.faces, width, height)
         nearer = own > depth
         depth[nearer] = own[nearer]
-        image[nearer] = _shaded(scene, facets, camera, seen, np.nonzero(nearer), face[nearer])
+        rows, columns = np.nonzero(nearer)
+        for start in range(0, len(rows), TOGETHER):
+            row, column = rows[start : start + TOGETHER], columns[start : start + TOGETHER]
+            image[row, column] = _shaded(scene, facets, camera, seen, (row, column), face[row, column])
     bias = 0.004 * camera.half_depth * scale + 2.0
     brush = SAMPLES * stroke_scale(size[0])
     for strokes in scene.strokes:
         _stroke(image, depth, strokes, to_pixels, brush, bias)
     for dots in scene.dots:
         _dot(image, depth, scene, dots, to_pixels, brush, bias)
-    small = image.reshape(size[1], SAMPLES, size[0], SAMPLES, 3).mean(axis=(1, 3))
-    return (np.clip(small, 0, 1) * 255 + 0.5).astype(np.uint8)
+    return reduced(np.clip(image, 0, 1) * 255)
+
+
+def reduced(image: Float[np.ndarray, "_ _ 3"]) -> UInt8[np.ndarray, "h w 3"]:
+    """Each pixel the mean of its samples, so that edges are smooth; `image` holds 0 to 255."""
+    steps = [(i, j) for i in range(SAMPLES) for j in range(SAMPLES)]
+    total = np.zeros_like(image[::SAMPLES, ::SAMPLES])
+    for i, j in steps:
+        total += image[i::SAMPLES, j::SAMPLES]
+    return (total / len(steps) + 0.5).astype(np.uint8)
 
 
 def _shaded(scene: Scene, facets: Facets, camera: Camera, seen, pixels, face) -> Float[np.ndarray, "p 3"]:

@@ -62,7 +62,8 @@ def plot(
     else:
         axes = _axes_in_space(figure, low, high, bool(title))
         for line, look in lines:
-            axes.plot(line[:, 0], line[:, 1], line[:, 2], **look)
+            # A flat box is wider than the square of its axes, which would cut it off.
+            axes.plot(line[:, 0], line[:, 1], line[:, 2], clip_on=False, **look)
     suffix = f" [{unit}]" if unit else ""
     axes.set(xlabel=f"x{suffix}", ylabel=f"y{suffix}")
     axes.tick_params(labelsize=9)
@@ -85,7 +86,7 @@ def _axes_in_space(figure: Any, low: np.ndarray, high: np.ndarray, titled: bool)
         ylim=(middle[1] - half[1], middle[1] + half[1]),
         zlim=(middle[2] - half[2], middle[2] + half[2]),
     )
-    axes.set_box_aspect(half, zoom=1.12)
+    axes.set_box_aspect(half, zoom=0.9 + 0.22 * (1 - half[2] / half.max()))
     ticks = import_optional("matplotlib.ticker", extra="plot", purpose="plots")
     for axis, reach in zip((axes.xaxis, axes.yaxis, axes.zaxis), half / half.max(), strict=True):
         axis.set_pane_color((0.975, 0.98, 0.985))

@@ -6,7 +6,7 @@ from jaxtyping import Float, UInt8
 from .._errors import import_optional
 from ._backend import opengl_window_chosen
 from ._camera import Camera
-from ._paint import SAMPLES
+from ._paint import SAMPLES, reduced
 from ._scene import BACK, FILL, GREY, KEY, MODELLING, Scene, stroke_scale
 
 NEARER = 0.004  # of the picture's depth: strokes and dots are drawn this much before the surface they lie on
@@ -21,11 +21,10 @@ def render(scene: Scene, camera: Camera, size: tuple[int, int]) -> UInt8[np.ndar
         try:
             _fill(pyvista, plotter, scene, camera, SAMPLES * stroke_scale(size[0]))
             _aim(plotter, camera)
-            pixels = np.asarray(plotter.screenshot(return_img=True), dtype=np.float64)[..., :3]
+            pixels = np.asarray(plotter.screenshot(return_img=True))[..., :3]
         finally:
             plotter.close()
-    small = pixels.reshape(size[1], SAMPLES, size[0], SAMPLES, 3).mean(axis=(1, 3))
-    return (small + 0.5).astype(np.uint8)
+    return reduced(pixels.astype(np.float32))
 
 
 def _fill(pyvista, plotter, scene: Scene, camera: Camera, brush: float) -> None:

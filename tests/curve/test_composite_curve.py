@@ -67,11 +67,10 @@ def test_gradients_are_finite_next_to_a_singular_piece():
 
 
 def test_the_widest_type_wins():
-    curve = CompositeCurve([Line(np.zeros(3, np.float32), [1, 0, 0]), Line(np.array([1.0, 0, 0]), [2, 0, 0])])
+    first, second = Line(np.zeros(3, np.float32), [1, 0, 0]), Line(np.array([1.0, 0, 0]), [2, 0, 0])
+    curve = CompositeCurve([first, second])
     assert {leaf.dtype for leaf in jax.tree.leaves(curve)} == {np.dtype(np.float64)}
-    narrow = CompositeCurve(
-        [Line(np.zeros(3, np.float32), [0.1, 0, 0]), Line(np.float32([0.1, 0, 0]), [2, 0, 0])]
-    )
+    narrow = CompositeCurve([first, Line(np.array([1, 0, 0], np.float32), [2, 0, 0])])
     assert narrow(0.5).dtype == narrow.breaks.dtype == np.float32
 
 

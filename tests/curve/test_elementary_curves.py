@@ -29,7 +29,7 @@ def test_a_line_meets_its_ends_exactly():
 
 def test_a_line_without_length_has_gradients():
     def energy(end):
-        return jnp.sum(Line([1.0, 2, 3], end).point(0.25) ** 2)
+        return jnp.sum(Line([1.0, 2, 3], end).point(jnp.asarray(0.25)) ** 2)
 
     np.testing.assert_allclose(jax.jit(jax.grad(energy))(jnp.asarray([1.0, 2, 3])), [0.5, 1, 1.5], **CLOSE)
 
@@ -67,7 +67,7 @@ def test_an_arc_by_its_fields():
 def test_arcs_are_differentiable_in_their_points_and_finite_on_a_line():
     @jax.jit
     def place(p):
-        return Arc.through(*p).point(0.4) @ jnp.arange(1.0, 4.0)
+        return Arc.through(*p).point(jnp.asarray(0.4)) @ jnp.arange(1.0, 4.0)
 
     check_grads(place, (jnp.asarray(POINTS["short"], float),), order=1, modes=["rev"], rtol=1e-6)
     straight = jnp.asarray([[0, 0, 0], [1, 1, 1], [2, 2, 2.0]])
@@ -104,7 +104,7 @@ def test_a_helix_climbs_its_pitch():
 def test_circles_are_differentiable_in_every_field():
     @jax.jit
     def place(center, normal, radius, start):
-        return Circle(center, normal, radius, start).point(0.4) @ jnp.arange(1.0, 4.0)
+        return Circle(center, normal, radius, start).point(jnp.asarray(0.4)) @ jnp.arange(1.0, 4.0)
 
     fields = (jnp.asarray(CENTER), jnp.asarray(NORMAL), jnp.asarray(2.0), jnp.asarray([0.0, 1, 1]))
     check_grads(place, fields, order=1, rtol=1e-6)

@@ -7,6 +7,7 @@ import jax
 import numpy as np
 import pytest
 from cad_shapes import TRIMMED, TRIMMED_RATIONAL
+from scipy.interpolate import BSpline
 
 from jaxsurf.io._occt import topology
 from jaxsurf.io._occt_read import shapes_of
@@ -36,25 +37,48 @@ def read_solid(path, shape) -> list:
     return read_step(path)
 
 
+def evaluate(surface, u, v) -> np.ndarray:
+    """Points of a clamped spline surface by scipy, one in a row: quicker than compiling each shape."""
+    weights = np.asarray(getattr(surface, "weights", np.ones(surface.control_points.shape[:2])))[..., None]
+    net = np.concatenate([np.asarray(surface.control_points) * weights, weights], axis=-1)
+    rows = BSpline(np.asarray(surface.knots_u), net, surface.degree_u)(np.ravel(u))
+    columns = [
+        BSpline(np.asarray(surface.knots_v), r, surface.degree_v)(y)
+        for r, y in zip(rows, np.ravel(v), strict=True)
+    ]
+    points = np.array(columns)
+    return points[:, :3] / points[:, 3:]
+
+
+def along(curve, count: int = 101) -> np.ndarray:
+    """Points of a clamped spline curve, one in a row, by equal steps over its domain."""
+    knots = np.asarray(curve.knots)
+    return BSpline(knots, np.asarray(curve.control_points), curve.degree)(
+        np.linspace(knots[0], knots[-1], count)
+    )
+
+
+def box(shape) -> np.ndarray:
+    """Smallest and largest (u, v) of what counts."""
+    if isinstance(shape, TrimmedSurface):
+        outline = np.asarray(shape.loops[0].control_points)
+        return np.array([outline.min(0), outline.max(0)])
+    return np.array([[shape.knots_u[0], shape.knots_v[0]], [shape.knots_u[-1], shape.knots_v[-1]]])
+
+
 def middle(shape):
     """A point inside the outline, and the unit normal there."""
+    (u, v), step = np.array([0.6, 0.4]) @ box(shape), 1e-5
     surface = shape.surface if isinstance(shape, TrimmedSurface) else shape
-    (u0, u1), (v0, v1) = np.asarray(surface.domain)
-    if isinstance(shape, TrimmedSurface):
-        (u0, v0), (u1, v1) = (
-            np.asarray(shape.loops[0].control_points).min(0),
-            np.asarray(shape.loops[0].control_points).max(0),
-        )
-    place = jax.numpy.array([0.6 * u0 + 0.4 * u1, 0.6 * v0 + 0.4 * v1])
-    jacobian = np.asarray(jax.jacfwd(lambda p: surface.point(p[0], p[1]))(place))
-    normal = np.cross(jacobian[:, 0], jacobian[:, 1])
-    return np.asarray(surface(*place)), normal / np.linalg.norm(normal)
+    a, b, c, d = evaluate(surface, [u - step, u + step, u, u], [v, v, v - step, v + step])
+    normal = np.cross(b - a, d - c)
+    return (a + b) / 2, normal / np.linalg.norm(normal)
 
 
 def samples(shape) -> np.ndarray:
-    (u0, u1), (v0, v1) = np.asarray(shape.domain)
+    (u0, v0), (u1, v1) = box(shape)
     u, v = np.meshgrid(np.linspace(u0, u1, 23), np.linspace(v0, v1, 17), indexing="ij")
-    return np.asarray(shape(u, v)).reshape(-1, 3)
+    return evaluate(shape.surface if isinstance(shape, TrimmedSurface) else shape, u, v)
 
 
 def axial(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -71,7 +95,7 @@ def test_a_box_becomes_six_planes_that_look_outwards(tmp_path):
         assert shape.control_points.shape == (2, 2, 3)
         point, normal = middle(shape)
         distance = (point - center) @ normal
-        assert min(abs(distance - half) for half in (1.5, 2.0, 2.5)) < 1e-11
+        assert min(abs(distance - half) for half in (1.5, 2.0, 2.5)) < 1e-10
 
 
 @pytest.mark.parametrize(
@@ -99,12 +123,6 @@ def test_elementary_faces_are_exact_and_look_outwards(tmp_path, kind, sizes, res
         assert isinstance(cap, TrimmedSurface) or cap.control_points.shape == (2, 2, 3)
 
 
-def along(curve, count: int = 101) -> np.ndarray:
-    """Points of a curve, one in a row, by equal steps over its domain."""
-    a, b = np.asarray(curve.domain)
-    return np.asarray(curve(np.linspace(a, b, count)))
-
-
 def area(loop) -> float:
     """Signed area inside a closed plane curve, by the trapezium rule."""
     points = along(loop, 20001)
@@ -117,7 +135,7 @@ def test_the_caps_of_a_cylinder_are_discs(tmp_path):
     for cap in caps:
         (loop,) = cap.loops
         assert area(loop) == pytest.approx(4 * np.pi, rel=1e-7)
-        height, radius = axial(np.asarray(cap.surface(*along(loop).T)))
+        height, radius = axial(evaluate(cap.surface, *along(loop).T))
         assert np.abs(radius - 2).max() < 1e-8
         assert abs(middle(cap)[1] @ AXIS) == pytest.approx(1, rel=1e-12)
         assert (height.mean() - 2.5) * (middle(cap)[1] @ AXIS) > 0
@@ -161,8 +179,8 @@ def test_a_cylinder_drilled_from_the_side_keeps_its_outline(tmp_path):
     trimmed = [shape for shape in read_solid(tmp_path / "a.step", cut) if isinstance(shape, TrimmedSurface)]
     (side,) = (shape for shape in trimmed if len(shape.loops) == 2)
     outer, hole = side.loops
-    assert area(outer) == pytest.approx(np.prod(np.ptp(np.asarray(side.domain), axis=1)), rel=1e-6)
-    x, y, z = np.asarray(side.surface(*along(hole).T)).T
+    assert area(outer) == pytest.approx(np.prod(np.ptp(box(side), axis=0)), rel=1e-6)
+    x, y, z = evaluate(side.surface, *along(hole).T).T
     assert np.abs(np.hypot(x, y) - 4).max() < 1e-12
     assert np.abs(np.hypot(y, z - 5) - 2).max() < 1e-6
 
@@ -181,7 +199,7 @@ def test_edges_in_space_keep_their_stated_tolerance(trimmed):
         parameters = np.linspace(plane.FirstParameter(), plane.LastParameter(), 101).tolist()
         flat = np.array([[p.X(), p.Y()] for p in map(plane.Value, parameters)])
         points = np.array([[p.X(), p.Y(), p.Z()] for p in map(space.Value, parameters)])
-        distance = np.linalg.norm(points - np.asarray(trimmed.surface(*flat.T)), axis=-1).max()
+        distance = np.linalg.norm(points - evaluate(trimmed.surface, *flat.T), axis=-1).max()
         assert distance <= occt("BRep").BRep_Tool.Tolerance_s(edge) < 1e-5
         number += 1
         explorer.Next()

@@ -44,6 +44,10 @@ def torus_off(place, u, v):
     return np.hypot(distance - 3, height) - 1
 
 
+def evenly(ends, count):
+    return np.linspace(ends[0], ends[1], count)
+
+
 SURFACES = {
     "plane": (lambda: Plane(CENTER, AXIS, 4), plane_off, ((-2, 2), (-2, 2))),
     "sphere": (lambda: Sphere(CENTER, 2.5), sphere_off, ((0, 2 * np.pi), (-np.pi / 2, np.pi / 2))),
@@ -58,7 +62,7 @@ def test_points_lie_on_the_surface_and_normals_point_outward(name):
     make, off, domain = SURFACES[name]
     shape = make()
     np.testing.assert_allclose(np.array(shape.domain, float), domain, rtol=0, atol=0)
-    u, v = np.linspace(*domain[0], 6)[:, None], np.linspace(*domain[1], 5)[None, :]
+    u, v = evenly(domain[0], 6)[:, None], evenly(domain[1], 5)[None, :]
     place = np.asarray(shape.grid(u[:, 0], v[0]))
     np.testing.assert_allclose(off(place, u, v), 0, **CLOSE)
     np.testing.assert_allclose(shape(u, v), place, **CLOSE)

@@ -1,0 +1,174 @@
+"""What `jaxsurf fit` writes and prints."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ._atomic import check_writable
+from ._errors import InputError, import_optional
+
+_CAD = (".step", ".stp", ".iges", ".igs", ".3dm")
+_MESH = (".stl", ".obj", ".ply", ".glb")
+_NATIVE = (".jxs",)
+
+
+def check_targets(options: argparse.Namespace) -> None:
+    """Refuse outputs that could not be written, and name missing packages, before any work begins."""
+    if not (options.output or options.report or options.picture or options.save):
+        raise InputError("Nothing to write: give -o FILE, --report, --picture or --save.")
+    from .io import check_unit
+
+    check_unit(options.unit)
+    for target in options.output:
+        suffix = Path(target).suffix.lower()
+        if suffix not in (*_CAD, *_MESH, *_NATIVE):
+            raise InputError(f"`-o` {target!r} must end in one of {', '.join((*_CAD, *_MESH, *_NATIVE))}.")
+        if suffix == ".3dm":
+            import_optional("rhino3dm", extra="cad", purpose=f"writing {suffix} files")
+            if options.trim:
+                raise InputError("`--trim` needs a STEP or IGES file: 3DM files are written without trimming.")
+        elif suffix in _CAD:
+            import_optional("OCP", extra="cad", purpose=f"writing {suffix} files")
+        elif suffix in _MESH:
+            import_optional("trimesh", extra="mesh", purpose=f"writing {suffix} files")
+    for target, suffixes in ((options.picture, (".png", ".svg", ".pdf")), (options.report, (".html", ".htm"))):
+        if target and Path(target).suffix.lower() not in suffixes:
+            raise InputError(f"{target!r} must end in {' or '.join(suffixes)}.")
+    if options.picture or options.report:
+        import_optional("matplotlib", extra="plot", purpose="pictures")
+    targets = [*options.output, *filter(None, (options.report, options.picture, options.save))]
+    for target in targets:
+        check_writable(target)
+    names = [str(Path(target).resolve()) for target in targets] + [str(Path(options.cloud).resolve())]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{name!r} is named twice: give every output a file of its own, other than the cloud.")
+
+
+def write_all(options: argparse.Namespace, found: Any, points: np.ndarray, seconds: float) -> list[str]:
+    """Write every file that was asked for; returns their names."""
+    from .fit import side_lengths, trim_to_cloud
+    from .io import save
+
+    shape = found.shape
+    if options.trim:
+        shape = trim_to_cloud(found.shape, found.foot.parameters, side_lengths(found.shape))
+    written = []
+    for target in options.output:
+        _write_shape(target, shape, options.unit)
+        written.append(target)
+    if options.save:
+        save(options.save, shape)
+        written.append(options.save)
+    if options.picture:
+        _deviation_picture(found, points, options.unit, shape, options.picture)
+        written.append(options.picture)
+    if options.report:
+        _write_report(options, found, points, shape, seconds)
+        written.append(options.report)
+    return written
+
+
+def _write_shape(target: str, shape: Any, unit: str) -> None:
+    from . import io
+    from .mesh import tessellate
+
+    suffix = Path(target).suffix.lower()
+    if suffix in (".step", ".stp"):
+        io.write_step(target, shape, unit=unit)
+    elif suffix in (".iges", ".igs"):
+        io.write_iges(target, shape, unit=unit)
+    elif suffix == ".3dm":
+        io.write_3dm(target, shape, unit=unit)
+    elif suffix in _NATIVE:
+        io.save(target, shape)
+    else:
+        mesh = tessellate(shape)
+        io.write_mesh(target, mesh.vertices, mesh.faces, normals=mesh.normals)
+
+
+def _deviation_picture(found: Any, points: np.ndarray, unit: str, shape: Any, path: str | None = None) -> np.ndarray:
+    from .view import deviation
+
+    return deviation(shape, found.foot.parameters, found.deviation.signed, points, unit=unit, path=path)
+
+
+def figures(found: Any, count: int, unit: str, seconds: float) -> list[tuple[str, object, str]]:
+    """(label, value, unit) of everything that was measured."""
+    n, m = found.shape.control_points.shape[:2]
+    degree_u, degree_v = found.shape.degree_u, found.shape.degree_v
+    deviation = found.deviation
+    rows: list[tuple[str, object, str]] = [
+        ("points", count, ""),
+        ("control points", f"{n} × {m} = {n * m}", ""),
+        ("degree", f"{degree_u} × {degree_v}", ""),
+        ("spans", f"{n - degree_u} × {m - degree_v}", ""),
+        ("rms deviation", float(deviation.rms), unit),
+        ("mean deviation", float(deviation.mean), unit),
+        ("largest deviation", float(deviation.max), unit),
+        *((f"{q:.0%} of the points within", float(value), unit) for q, value in deviation.quantiles.items()),
+    ]
+    if found.holdout is not None:
+        rows.append((f"rms deviation of {found.holdout.signed.shape[0]} points left out", float(found.holdout.rms), unit))
+    uncovered = len(found.coverage.uncovered)
+    rows.append(("knot cells without points", f"{uncovered} of {found.coverage.covered.size}", ""))
+    rows.append(("time", round(seconds, 1), "s"))
+    return rows
+
+
+def notes(options: argparse.Namespace, found: Any) -> list[str]:
+    """Sentences that a reader must not miss."""
+    said = []
+    if found.stopped:
+        said.append("The fit was stopped on request: this is the best surface so far.")
+    if found.met is False:
+        within = found.stages[-1].within
+        said.append(
+            f"The tolerance was not met: {within:.1%} of the points lie within {options.tolerance:g} {options.unit}, "
+            f"{options.quantile:.1%} were asked for. More spans would need more points or a larger --max-spans."
+        )
+    extent = np.linalg.norm(np.ptp(np.asarray(found.foot.points), axis=0))
+    if float(found.deviation.rms) > 0.02 * extent:
+        said.append("The points lie far from the surface: the cloud may not be one sheet; split it into patches.")
+    if found.coverage.uncovered and not options.trim:
+        said.append("Parts of the surface were not measured: they continue its surroundings. --trim cuts the face to the cloud.")
+    return said
+
+
+def summary_lines(options: argparse.Namespace, found: Any, count: int, written: list[str], seconds: float) -> list[str]:
+    """What is printed when all is done."""
+    rows = [(label, f"{value:.4g}" if isinstance(value, float) else str(value), unit) for label, value, unit in figures(found, count, options.unit, seconds)]
+    width = max(len(label) for label, _, _ in rows)
+    lines = [f"{label.ljust(width)}  {value} {unit}".rstrip() for label, value, unit in rows]
+    return [*lines, *notes(options, found), "wrote " + ", ".join(written)]
+
+
+def _write_report(options: argparse.Namespace, found: Any, points: np.ndarray, shape: Any, seconds: float) -> None:
+    from .report import Report, Table, provenance, write_report
+    from .view import png_bytes, shade
+
+    history = Table(
+        "Refinement",
+        ("spans", "control points", f"rms [{options.unit}]", "within tolerance"),
+        [
+            (f"{s.spans[0]} × {s.spans[1]}", s.control_points, s.rms, "" if s.within is None else f"{s.within:.1%}")
+            for s in found.stages
+        ],
+    )
+    pictures = [
+        ("Deviation of the points", png_bytes(_deviation_picture(found, points, options.unit, shape))),
+        ("The surface", png_bytes(shade(shape, unit=options.unit))),
+    ]
+    report = Report(
+        title=f"Surface fitted to {Path(options.cloud).name}",
+        summary=figures(found, len(points), options.unit, seconds),
+        deviations=np.asarray(found.deviation.signed),
+        unit=options.unit,
+        pictures=pictures,
+        tables=[history],
+        provenance=provenance(input_path=options.cloud),
+        notes=notes(options, found),
+    )
+    write_report(options.report, report)

@@ -1,0 +1,143 @@
+"""The command line: parse, call a room, print."""
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from ._errors import InputError
+
+_FAILED = 2
+_INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run `jaxsurf …`; returns the exit status: 0, 2 after bad input (one sentence on stderr), 130 after Ctrl-C."""
+    options = _parser().parse_args(arguments)
+    try:
+        return options.run(options)
+    except InputError as error:
+        print(f"jaxsurf: {error}", file=sys.stderr)
+        return _FAILED
+    except KeyboardInterrupt:
+        print("\njaxsurf: interrupted before there was a surface; nothing was written.", file=sys.stderr)
+        return _INTERRUPTED
+
+
+def _parser() -> argparse.ArgumentParser:
+    from importlib.metadata import version
+
+    parser = argparse.ArgumentParser(prog="jaxsurf", description="Differentiable surface modelling on JAX.")
+    parser.add_argument("--version", action="version", version=f"jaxsurf {version('jaxsurf')}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    _add_fit(commands.add_parser("fit", help="fit a CAD surface to a measured point cloud", description=_FIT))
+    bench = commands.add_parser("bench", help="run the benchmarks of a checkout and print their tables")
+    bench.add_argument("names", nargs="*", help="which ones (default: all)")
+    bench.set_defaults(run=_bench)
+    return parser
+
+
+_FIT = """Fit a B-spline surface to an unordered, sheet-like point cloud and write it as a CAD file. Points: .xyz .txt .csv .npz
+.npy .ply .stl .obj, and .las .laz .e57 .pcd with the extra `scan`. Ctrl-C stops at the best surface so far and writes that."""
+
+
+def _add_fit(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("cloud", metavar="CLOUD", help="file of measured points")
+    parser.add_argument(
+        "-o", "--output", action="append", default=[], metavar="FILE", help=".step .iges .3dm .jxs, or .stl .obj .ply .glb; may be repeated"
+    )
+    parser.add_argument("--spans", type=_pair, metavar="UxV", help="knot spans of the net, u along the longer side (default 8x8)")
+    parser.add_argument("--tolerance", type=float, metavar="T", help="refine until the quantile of the points lies within T")
+    parser.add_argument("--quantile", type=float, default=0.95, metavar="Q", help="share of the points for --tolerance (default 0.95)")
+    parser.add_argument("--max-spans", type=int, default=40, metavar="N", help="most spans per direction (default 40)")
+    parser.add_argument("--degree", type=int, default=3, metavar="P", help="degree in both directions (default 3)")
+    parser.add_argument("--smooth", type=float, default=0.0, metavar="W", help="weight of the curvature variation, such as 1e-6 (default 0)")
+    parser.add_argument("--loss", default="squared", help="squared, huber, cauchy or tukey (default squared)")
+    parser.add_argument("--holdout", type=float, default=0.1, metavar="S", help="share of the points left out of a check fit (default 0.1)")
+    parser.add_argument("--trim", action="store_true", help="trim the exported face to the outline of the cloud")
+    parser.add_argument("--unit", default="mm", help="unit of the points: mm, cm, m or in (default mm)")
+    parser.add_argument("--report", metavar="FILE", help="write an HTML report")
+    parser.add_argument("--picture", metavar="FILE", help="write a picture of the deviations (.png .svg .pdf)")
+    parser.add_argument("--save", metavar="FILE", help="write the surface in the lossless format of js.load (.jxs)")
+    parser.add_argument("--quiet", action="store_true", help="print errors only")
+    parser.set_defaults(run=_fit)
+
+
+def _pair(text: str) -> tuple[int, int]:
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.isdigit() and int(part) > 0 for part in parts):
+        raise argparse.ArgumentTypeError(f"expected two whole numbers such as 8x8, got {text!r}")
+    return int(parts[0]), int(parts[1])
+
+
+def _fit(options: argparse.Namespace) -> int:
+    from . import _command_output as output
+
+    begun = time.perf_counter()
+    output.check_targets(options)
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    keep_compilations()
+    from .fit import fit_cloud
+    from .io import read_points
+    from ._progress_bar import watching
+
+    points = read_points(options.cloud)
+    with watching(quiet=options.quiet) as progress:
+        found = fit_cloud(
+            points,
+            spans=options.spans,
+            tolerance=options.tolerance,
+            quantile=options.quantile,
+            max_spans=options.max_spans,
+            degree=options.degree,
+            loss=options.loss,
+            fairness=options.smooth,
+            holdout=options.holdout,
+            progress=progress,
+        )
+    written = output.write_all(options, found, points, time.perf_counter() - begun)
+    if not options.quiet:
+        print("\n".join(output.summary_lines(options, found, len(points), written, time.perf_counter() - begun)))
+    if found.stopped:
+        print("jaxsurf: stopped on request; what was written is the best surface so far.", file=sys.stderr)
+        return _INTERRUPTED
+    return 0
+
+
+def keep_compilations() -> None:
+    """Keep compiled programs in the user's cache folder, so that the next run starts at once."""
+    import jax
+
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    folder = Path(base) / "jaxsurf" / "compiled"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return
+    if os.access(folder, os.W_OK):
+        jax.config.update("jax_compilation_cache_dir", str(folder))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+        jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
+
+
+def _bench(options: argparse.Namespace) -> int:
+    import runpy
+
+    folder = Path(__file__).resolve().parent.parent / "benchmarks"
+    if not (folder / "__main__.py").is_file():
+        raise InputError(
+            "`jaxsurf bench` runs the benchmarks of a checkout, and this installation has none: clone the repository and "
+            "install it with `pip install -e '.[bench]'`."
+        )
+    sys.path.insert(0, str(folder.parent))
+    sys.argv = ["jaxsurf bench", *options.names]
+    runpy.run_module("benchmarks", run_name="__main__")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
