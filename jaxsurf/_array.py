@@ -7,8 +7,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jax.core import Tracer
 from jax.typing import ArrayLike
+from jaxtyping import Array
 
 from ._errors import InputError
 
@@ -16,13 +17,14 @@ Numbers = ArrayLike | Sequence[Any]
 """What a user may give for an array: a number, nested sequences, a numpy or a jax array."""
 
 CHUNK = 30_000
-"""Numbers computed together, 10^4 points of space: the temporaries of a bicubic patch then stay in the caches."""
+"""Numbers computed together, 10^4 points: the temporaries of a bicubic patch then stay in the caches."""
 
 Result = TypeVar("Result")
 
 
 def as_float(values: Numbers, dtype: Any = None) -> Array:
-    """Convert to a floating array; floats keep their type unless `dtype` is given, integers become the default float."""
+    """Convert to a floating array; floats keep their type unless `dtype` is given, integers become the
+    default float."""
     array = jnp.asarray(values)
     if jnp.issubdtype(array.dtype, jnp.complexfloating):
         raise InputError(f"Expected real numbers, got an array of {array.dtype}.")
@@ -33,7 +35,7 @@ def as_float(values: Numbers, dtype: Any = None) -> Array:
 
 def is_concrete(*trees: Any) -> bool:
     """Whether the values can be looked at: no leaf is traced."""
-    return not any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(trees))
+    return not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(trees))
 
 
 def concrete(array: ArrayLike) -> np.ndarray:
@@ -60,9 +62,9 @@ def map_points(
 ) -> Result:
     """Apply `function(shape, *parameters)`, written for one point, to broadcast arrays of parameters.
 
-    More than `chunk` points are worked on in chunks of at most that size, so that temporaries stay in the caches and
-    reverse mode keeps one chunk of them at a time; by default as many points as make `CHUNK` numbers. Leaves of the result
-    get the broadcast shape in front.
+    More than `chunk` points are worked on in chunks of at most that size, so that temporaries stay in the
+    caches and reverse mode keeps one chunk of them at a time; by default as many points as make `CHUNK`
+    numbers. Leaves of the result get the broadcast shape in front.
     """
     arrays = jnp.broadcast_arrays(*parameters)
     batch = arrays[0].shape
@@ -87,7 +89,7 @@ def map_points(
 
 
 def _points_per_chunk(one_point: Callable[..., Any], parameters: list[Array]) -> int:
-    """How many points make `CHUNK` numbers; no fewer than 100, and no more than if each were a point of space."""
+    """How many points make `CHUNK` numbers, at least three each; no fewer than 100."""
     result = jax.eval_shape(one_point, *(jax.ShapeDtypeStruct((), array.dtype) for array in parameters))
     numbers = sum(leaf.size for leaf in jax.tree.leaves(result))
     return max(100, CHUNK // max(3, numbers))

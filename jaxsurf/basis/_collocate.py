@@ -1,5 +1,6 @@
 """Collocation: knots and matrices for interpolation."""
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -17,6 +18,7 @@ def averaged_knots(parameters: Float[Array, "n"], degree: int) -> Float[Array, "
     return jnp.concatenate([ends[0], jnp.asarray(inner, parameters.dtype), ends[1]])
 
 
+@eqx.filter_jit
 def collocation_matrix(
     knots: Float[Array, "k"], degree: int, parameters: Float[Array, "m"], *, periodic: bool = False
 ) -> Float[Array, "m n"]:

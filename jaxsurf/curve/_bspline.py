@@ -19,11 +19,10 @@ class BSplineCurve(AbstractCurve):
     """C(u) = Σ B_i(u) P_i, the polynomial spline curve.
 
     control_points: (n, 3), or (n, 2) for a curve in a parameter plane; knots: (n + degree + 1,); degree ≥ 1.
-    periodic: the curve closes smoothly with n control points and n + 1 knots, none of them copies; unrolled it is the
-    ordinary curve on P_0 … P_{n-1}, P_0 … P_{degree-1}. The domain is [knots[degree], knots[n]], periodic
-    [knots[0], knots[n]]. All arrays take the floating type of `control_points`.
-    Raises `InputError` on shapes that do not fit and on knots that define no spline.
-    Source: The NURBS Book, §3.2.
+    periodic: the curve closes smoothly with n control points and n + 1 knots, none of them copies; unrolled
+    it is the ordinary curve on P_0 … P_{n-1}, P_0 … P_{degree-1}. The domain is [knots[degree], knots[n]],
+    periodic [knots[0], knots[n]]. All arrays take the floating type of `control_points`. Raises `InputError`
+    on shapes that do not fit and on knots that define no spline. Source: The NURBS Book, §3.2.
     """
 
     control_points: Float[Array, "n d"]

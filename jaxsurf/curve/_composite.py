@@ -31,7 +31,7 @@ class CompositeCurve(AbstractCurve):
 
     pieces: tuple[AbstractCurve, ...]
 
-    def __init__(self, pieces: Sequence[AbstractCurve], *, tolerance: float = 1e-6):
+    def __init__(self, pieces: Sequence[Any], *, tolerance: float = 1e-6):
         pieces = tuple(pieces)
         for i, piece in enumerate(pieces):
             if not isinstance(piece, AbstractCurve):

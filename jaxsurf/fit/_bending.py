@@ -3,6 +3,7 @@
 from functools import singledispatch
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,7 +15,7 @@ from ..surface import BSplineSurface
 
 
 @singledispatch
-def bending_matrix(shape: Any, sides: tuple[float, float]) -> Float[Array, "q q"] | None:
+def bending_matrix(shape: Any, sides: tuple[Any, Any]) -> Float[Array, "q q"] | None:
     """Matrix K of the quadratic form Σ_xyz cᵀKc in the control points, or `None` for shapes that have none.
 
     For a surface it is A ∬ |S_ss|² + 2|S_st|² + |S_tt|² ds dt over the sheet unrolled to `sides`, A its area: without unit
@@ -24,9 +25,8 @@ def bending_matrix(shape: Any, sides: tuple[float, float]) -> Float[Array, "q q"
 
 
 @bending_matrix.register
-def _(shape: BSplineSurface, sides: tuple[float, float]) -> Float[Array, "q q"] | None:
-    u = [_gram(shape.basis_u, k) for k in range(3)]
-    v = [_gram(shape.basis_v, k) for k in range(3)]
+def _(shape: BSplineSurface, sides: tuple[Any, Any]) -> Float[Array, "q q"] | None:
+    u, v = _grams(shape.basis_u), _grams(shape.basis_v)
     (a, b), (c, d) = shape.domain
     # lengths per parameter: s = along_u · u
     along_u, along_v = sides[0] / (b - a), sides[1] / (d - c)
@@ -35,16 +35,23 @@ def _(shape: BSplineSurface, sides: tuple[float, float]) -> Float[Array, "q q"] 
     return area * sum(weight * jnp.kron(in_u, in_v) for in_u, in_v, weight in parts)
 
 
-def _gram(basis: BSplineBasis, order: int) -> Float[Array, "n n"]:
-    """∫ B_i^(k) B_j^(k) over the domain, exact by Gauss-Legendre nodes in every span."""
+def bending_of(shape: Any, sides: tuple[Any, Any]) -> Float[Array, "q q"] | None:
+    """`bending_matrix`, compiled."""
+    return _compiled(shape, tuple(jnp.asarray(side, shape.dtype) for side in sides))
+
+
+@eqx.filter_jit
+def _compiled(shape: Any, sides: tuple[Array, Array]) -> Float[Array, "q q"] | None:
+    return bending_matrix(shape, sides)
+
+
+def _grams(basis: BSplineBasis) -> list[Float[Array, "n n"]]:
+    """∫ B_i^(k) B_j^(k) over the domain for k = 0, 1, 2, exact by Gauss-Legendre nodes in every span."""
     nodes, weights = span_nodes(basis, basis.degree + 1)
-    rows = jax.vmap(lambda t: _row(basis, t, order))(nodes)
-    return (rows * weights[:, None]).T @ rows
-
-
-def _row(basis: BSplineBasis, t: Float[Array, ""], order: int) -> Float[Array, "n"]:
-    index, values = basis_derivatives(basis, t, order)
-    return jnp.zeros(basis.size, values.dtype).at[index].add(values[order])
+    index, values = jax.vmap(lambda t: basis_derivatives(basis, t, 2))(nodes)
+    rows = jnp.zeros((3, nodes.shape[0], basis.size), values.dtype)
+    rows = rows.at[:, jnp.arange(nodes.shape[0])[:, None], index].add(jnp.moveaxis(values, 1, 0))
+    return [(row * weights[:, None]).T @ row for row in rows]
 
 
 def span_nodes(basis: BSplineBasis, count: int) -> tuple[Float[Array, "m"], Float[Array, "m"]]:

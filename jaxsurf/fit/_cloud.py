@@ -3,7 +3,6 @@
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -13,13 +12,11 @@ from .._errors import InputError
 from .._progress import Event, Progress, silent
 from ..basis import clamped_knots
 from ..surface import BSplineSurface
-from ._bending import bending_matrix
+from ._bending import bending_of
 from ._coverage import Coverage, coverage
 from ._deviation import Deviation
 from ._fit import Fit, faint_bending, fit, side_lengths
-from ._normal_equations import accumulate
 from ._parametrise import Parametrisation, check_sheet, parametrise
-from ._problem import Linearised, Problem, free_leaves
 from ._refine import refined_knots
 
 _COARSE = 4  # spans of the first net where a tolerance is to be met: enough to bend with the sheet
@@ -127,34 +124,39 @@ def linear_start(
     knots_u: Float[Array, "k"],
     knots_v: Float[Array, "l"],
     degree: int,
-    sides: tuple[float, float],
+    sides: tuple[Any, Any],
     attenuation: float = _ATTENUATION,
 ) -> BSplineSurface:
     """The net of least squares at known parameters, held by its bending energy where there are no points."""
-    count = (knots_u.shape[0] - degree - 1, knots_v.shape[0] - degree - 1)
-    flat = BSplineSurface(jnp.zeros((*count, 3), points.dtype), knots_u, knots_v, degree, degree)
-    number = lambda x: jnp.asarray(x, points.dtype)
-    weight = number(faint_bending(max(count), attenuation))
-    return _linear_fit(flat, points, parameters, (number(sides[0]), number(sides[1])), weight)
+    from scipy.interpolate import BSpline
+    from scipy.linalg import solve
+
+    host = np.asarray(points, np.float64)
+    along_u, along_v = (
+        BSpline.design_matrix(np.asarray(parameters[:, i], np.float64), np.asarray(knots, np.float64), degree)
+        for i, knots in enumerate((knots_u, knots_v))
+    )
+    count = along_u.shape[1], along_v.shape[1]
+    design = _row_products(along_u, along_v)
+    flat = BSplineSurface(jnp.asarray(np.zeros((*count, 3)), points.dtype), knots_u, knots_v, degree, degree)
+    bending = np.asarray(bending_of(flat, sides), np.float64)
+    weight = faint_bending(max(count), attenuation)
+    matrix = (design.T @ design).toarray() / len(host) + weight * bending
+    matrix += np.eye(len(matrix)) * (1e-13 * np.trace(matrix) / len(matrix))
+    net = solve(matrix, design.T @ (host - host.mean(axis=0)) / len(host), assume_a="pos") + host.mean(axis=0)
+    return BSplineSurface(jnp.asarray(net.reshape(*count, 3), points.dtype), knots_u, knots_v, degree, degree)
 
 
-@eqx.filter_jit
-def _linear_fit(
-    flat: BSplineSurface, points: Array, parameters: Array, sides: tuple[Array, Array], bending: Array
-) -> BSplineSurface:
-    one = jnp.ones((), points.dtype)
-    ones = jnp.ones(points.shape[0], points.dtype)
-    free = free_leaves(flat, None)
-    problem = Problem(flat, points, ones, one, one, bending, one, one, free, "squared", False)
-    centre = jnp.mean(points, axis=0)
-    everything = jnp.broadcast_to(jnp.eye(3, dtype=points.dtype), (points.shape[0], 3, 3))
-    lines = Linearised(centre - points, everything)
-    gradient, matrix = accumulate(flat, problem, parameters, lines, ones / points.shape[0])
-    # all three coordinates share one matrix: every third row and column of the whole
-    net = matrix[::3, ::3] + bending * bending_matrix(flat, sides)
-    net = net + jnp.eye(net.shape[0], dtype=net.dtype) * (1e-13 * jnp.trace(net) / net.shape[0])
-    solved = jax.scipy.linalg.solve(net, -gradient.reshape(-1, 3), assume_a="pos")
-    return eqx.tree_at(lambda s: s.control_points, flat, (solved + centre).reshape(flat.control_points.shape))
+def _row_products(a: Any, b: Any) -> Any:
+    """The sparse matrix whose rows are the Kronecker products of the rows of two with equally many entries in each."""
+    from scipy.sparse import csr_matrix
+
+    rows, n, m = a.shape[0], a.shape[1], b.shape[1]
+    index_a, index_b = a.indices.reshape(rows, -1), b.indices.reshape(rows, -1)
+    values = a.data.reshape(rows, -1)[:, :, None] * b.data.reshape(rows, -1)[:, None, :]
+    indices = index_a[:, :, None] * m + index_b[:, None, :]
+    starts = np.arange(rows + 1) * values[0].size
+    return csr_matrix((values.ravel(), indices.ravel(), starts), shape=(rows, n * m))
 
 
 class _Watched:
@@ -178,7 +180,7 @@ def _best_start(
 ) -> tuple[BSplineSurface, Array | None]:
     """A first net, stiff, and the feet on it: of the candidate whose short fit comes closest to the thinned cloud."""
     best, best_rms = None, np.inf
-    knots_u, knots_v = (clamped_knots(n + degree, degree).astype(points.dtype) for n in spans)
+    knots_u, knots_v = (as_float(clamped_knots(n + degree, degree), points.dtype) for n in spans)
     sample = points[candidates[0].index]
     for candidate in candidates:
         parameters = jnp.asarray(candidate.parameters, points.dtype)
@@ -198,18 +200,19 @@ def _facing_outwards(
     surface: BSplineSurface, parameters: Array, centre: np.ndarray
 ) -> tuple[BSplineSurface, Array]:
     """Turn u round if the normal points to the hollow side, or, on a flat sheet, against its main axis."""
-    (a, b), (c, d) = surface.domain
-    middle = 0.5 * (a + b), 0.5 * (c + d)
-    normal = np.cross(surface.derivative(*middle, (1, 0)), surface.derivative(*middle, (0, 1)))
-    outwards = np.asarray(surface(*middle)) - centre
-    extent = np.linalg.norm(np.ptp(np.asarray(surface.control_points).reshape(-1, 3), axis=0))
+    net = np.asarray(surface.control_points)
+    # twice the area vector of the net, and where its middle lies from the centre of the points
+    normal = np.cross(net[1:, 1:] - net[:-1, :-1], net[:-1, 1:] - net[1:, :-1]).sum(axis=(0, 1))
+    outwards = net[net.shape[0] // 2, net.shape[1] // 2] - centre
+    extent = np.linalg.norm(np.ptp(net.reshape(-1, 3), axis=0))
     if np.linalg.norm(outwards) < 0.02 * extent:
         outwards = np.eye(3)[int(np.argmax(np.abs(normal)))]
     if float(normal @ outwards) >= 0:
         return surface, parameters
-    turned = (surface.control_points[::-1], a + b - surface.knots_u[::-1])
-    flipped = jnp.stack([a + b - parameters[:, 0], parameters[:, 1]], axis=1)
-    return eqx.tree_at(lambda s: (s.control_points, s.knots_u), surface, turned), flipped
+    knots = np.asarray(surface.knots_u)
+    turned = (jnp.asarray(net[::-1]), jnp.asarray((knots[0] + knots[-1] - knots)[::-1]))
+    flipped = np.asarray(parameters) * [-1, 1] + [knots[0] + knots[-1], 0]
+    return eqx.tree_at(lambda s: (s.control_points, s.knots_u), surface, turned), jnp.asarray(flipped, parameters.dtype)
 
 
 def _refit(start: BSplineSurface, points: Array, feet: Any, options: dict[str, Any]) -> Fit:
@@ -225,12 +228,12 @@ def _hold_out(done: Fit, points: Array, share: float, seed: int, options: dict[s
         return None
     weights = jnp.asarray(~chosen, points.dtype)
     again = _refit(done.shape, points, done.foot.parameters, {**options, "weights": weights, "phase": "hold-out"})
-    return Deviation(again.deviation.signed[np.flatnonzero(chosen)])
+    return Deviation(jnp.asarray(np.asarray(again.deviation)[chosen]))
 
 
 def _stage(done: Fit, tolerance: float | None) -> Stage:
     n, m = done.shape.control_points.shape[:2]
-    within = None if tolerance is None else float(jnp.mean(jnp.abs(done.deviation.signed) <= tolerance))
+    within = None if tolerance is None else float(np.mean(np.abs(np.asarray(done.deviation)) <= tolerance))
     return Stage(_spans(done.shape), n * m, float(done.deviation.rms), within)
 
 

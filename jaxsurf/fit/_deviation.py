@@ -1,9 +1,14 @@
 """How far the points are from the shape."""
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float
+
+from .._array import is_concrete
 
 
 class Deviation(eqx.Module):
@@ -15,26 +20,32 @@ class Deviation(eqx.Module):
     signed: Float[Array, "N"]
 
     @property
-    def rms(self) -> Float[Array, ""]:
+    def rms(self) -> Float[ArrayLike, ""]:
         """Root of the mean square."""
-        return jnp.sqrt(jnp.mean(self.signed**2))
+        xp = self._numbers
+        return xp.sqrt(xp.mean(xp.square(self.signed)))
 
     @property
-    def max(self) -> Float[Array, ""]:
+    def max(self) -> Float[ArrayLike, ""]:
         """Largest magnitude."""
-        return jnp.max(jnp.abs(self.signed))
+        return self._numbers.max(self._numbers.abs(self.signed))
 
     @property
-    def mean(self) -> Float[Array, ""]:
+    def mean(self) -> Float[ArrayLike, ""]:
         """Mean of the signed distances."""
-        return jnp.mean(self.signed)
+        return self._numbers.mean(self.signed)
 
-    def quantile(self, q: float) -> Float[Array, ""]:
+    def quantile(self, q: float) -> Float[ArrayLike, ""]:
         """The magnitude that a share `q` of the points does not exceed."""
-        return jnp.quantile(jnp.abs(self.signed), q)
+        return self._numbers.quantile(self._numbers.abs(self.signed), q)
 
     @property
-    def quantiles(self) -> dict[float, Float[Array, ""]]:
+    def _numbers(self) -> Any:
+        """numpy for values at hand, which compiles nothing; jax.numpy while tracing."""
+        return np if is_concrete(self.signed) else jnp
+
+    @property
+    def quantiles(self) -> dict[float, Float[ArrayLike, ""]]:
         """The 50, 90, 95 and 99 % quantiles of the magnitude."""
         return {q: self.quantile(q) for q in (0.5, 0.9, 0.95, 0.99)}
 

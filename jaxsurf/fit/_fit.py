@@ -16,7 +16,7 @@ from .._progress import Progress, silent
 from ..curve import AbstractCurve
 from ..query import Foot, closest_point, foot_at
 from ..surface import AbstractSurface, BSplineSurface
-from ._bending import bending_matrix
+from ._bending import bending_of
 from ._deviation import Deviation
 from ._losses import find_loss, noise_scale
 from ._problem import Problem, free_leaves
@@ -77,17 +77,15 @@ def fit(
     find_loss(loss)
     weights = _check(shape, points, weights, fairness, bending)
     free_flags = free_leaves(shape, free)
-    bounds = jnp.min(points, axis=0), jnp.max(points, axis=0)
-    size = jnp.sqrt(jnp.sum((bounds[1] - bounds[0]) ** 2))
     number = lambda x: jnp.asarray(x, shape.dtype)
-    sides = side_lengths(shape) if isinstance(shape, AbstractSurface) else None
-    net_is_free = free_flags[0] and isinstance(shape, BSplineSurface) and not any(free_flags[1:])
-    penalty = bending_matrix(shape, sides) if net_is_free else None
+    net_is_free = isinstance(shape, BSplineSurface) and free_flags[0] and not any(free_flags[1:])
+    size = _diagonal(points)
+    penalty = bending_of(shape, side_lengths(shape)) if net_is_free else None
     weight = _faint(shape) if bending is None else bending
     if start is None:
         start = closest_point(shape, points).parameters
     feet = as_float(start, points.dtype).reshape(points.shape[0], -1)
-    total = jnp.zeros((), jnp.int32)
+    total = np.int32(0)
     found: Solved | None = None
     for name in _rounds(loss):
         scale = number(1) if name == "squared" else _noise(shape, points, feet, weights, name, size)
@@ -105,18 +103,30 @@ def fit(
             fairness != 0,
         )
         found = solve(problem, feet, penalty, rtol=rtol, max_steps=max_steps, progress=progress, phase=phase)
-        shape, feet, total = problem.member(found.theta), found.feet, total + found.steps.astype(jnp.int32)
+        shape, feet, total = _member(problem, found.theta), found.feet, total + found.steps
         if found.stopped:
             break
     foot = foot_at(shape, points, feet)
     assert found is not None
-    return Fit(shape, foot, Deviation(foot.distance), found.result, total, found.stopped)
+    return Fit(shape, foot, Deviation(foot.distance), found.result, jnp.asarray(total, jnp.int32), found.stopped)
 
 
+@eqx.filter_jit
+def _diagonal(points: Array) -> Float[Array, ""]:
+    """Diagonal of the points' bounding box."""
+    return jnp.sqrt(jnp.sum((jnp.max(points, axis=0) - jnp.min(points, axis=0)) ** 2))
+
+
+@eqx.filter_jit
 def _noise(shape: Any, points: Array, feet: Array, weights: Array, loss: str, size: Array) -> Float[Array, ""]:
     """The scale of a robust loss, from the distances at hand; never 0."""
     distance = foot_at(shape, points, feet).distance
     return jnp.maximum(noise_scale(distance, weights) * find_loss(loss).deviations, 1e-12 * size)
+
+
+@eqx.filter_jit
+def _member(problem: Problem, theta: Array) -> Any:
+    return problem.member(theta)
 
 
 def _rounds(loss: str) -> tuple[str, ...]:
@@ -143,7 +153,7 @@ def _check(shape: Any, points: Array, weights: Any, fairness: float, bending: fl
                 "take fewer spans or measure more points."
             )
     if weights is None:
-        return jnp.ones(points.shape[0], points.dtype)
+        return jnp.asarray(np.ones(points.shape[0]), points.dtype)
     weights = as_float(weights, points.dtype)
     if weights.shape != points.shape[:1]:
         raise InputError(f"`weights` must have shape ({points.shape[0]},), one for each point, got {weights.shape}.")
@@ -164,6 +174,7 @@ def faint_bending(count: int, attenuation: float) -> float:
     return attenuation / (np.pi * count) ** 4
 
 
+@eqx.filter_jit
 def side_lengths(surface: AbstractSurface) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """Mean lengths of the u-lines and of the v-lines, from a coarse grid."""
     (a, b), (c, d) = surface.domain

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
+import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
@@ -60,7 +61,7 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
     at a step size below 10⁻⁹.
     """
 
-    rtol: float
+    rtol: Any
     atol: float
     norm: Callable[[Any], Any] = optx.max_norm
     descent: MarquardtDescent = MarquardtDescent()
@@ -138,7 +139,8 @@ def solve(
     Silent work is one compiled `optimistix.minimise`; with a `progress` that shows or stops, the same solver is stepped
     from outside.
     """
-    solver = NormalEquationsSolver(rtol=rtol, atol=0.0)
+    # arrays, not floats: another tolerance must not compile again
+    solver = NormalEquationsSolver(rtol=jnp.asarray(rtol, problem.points.dtype), atol=0.0)
     theta = problem.unknowns()
     args = (problem, feet, penalty)
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
@@ -157,17 +159,18 @@ def _objective(theta: Float[Array, "P"], args: Any) -> tuple[Float[Array, ""], F
 def _stepwise(
     solver: NormalEquationsSolver, theta: Array, args: Any, max_steps: int, progress: Progress, phase: str
 ) -> Solved:
-    state = solver.init(_objective, theta, args, {}, None, None, frozenset())
+    # through the host, so that no leaf is weakly typed and the second step does not compile again
+    state = jax.tree.map(lambda x: jnp.asarray(np.asarray(x)), solver.init(_objective, theta, args, {}, None, None, frozenset()))
     problem = args[0]
     steps, stopped = 0, False
     for steps in range(1, max_steps + 1):
         theta, state = _compiled_step(solver, theta, args, state)
-        rms = float(jnp.sqrt(2 * state.info.f) * problem.size)
-        stopped = bool(progress(Event(phase, steps, max_steps, rms)))
-        if stopped or bool(state.done) or not bool(jnp.all(jnp.isfinite(theta))):
+        value = float(state.info.f)
+        stopped = bool(progress(Event(phase, steps, max_steps, (2 * value) ** 0.5 * float(problem.size))))
+        if stopped or bool(state.done) or not np.isfinite(value):
             break
     result = state.result if bool(state.done) or stopped else optx.RESULTS.nonlinear_max_steps_reached
-    return Solved(theta, state.feet, jnp.asarray(steps), result, stopped)
+    return Solved(theta, state.feet, jnp.asarray(np.int32(steps)), result, stopped)
 
 
 @eqx.filter_jit

@@ -24,10 +24,10 @@ _DENSE_LIMIT = 80  # control points up to which a matrix with mostly zeros is fa
 class BSplineSurface(AbstractSurface):
     """S(u, v) = Σ_i Σ_j B_i(u) B_j(v) P_ij, the polynomial tensor-product surface.
 
-    control_points: (n, m, 3); knots_u: (n + degree_u + 1,); knots_v: (m + degree_v + 1,). periodic_u, periodic_v: closed in
-    that direction, with n (m) control points and n + 1 (m + 1) knots, none of them copies. All arrays take the floating
-    type of `control_points`. Raises `InputError` on shapes that do not fit and on knots that define no spline.
-    Source: The NURBS Book, §3.4.
+    control_points: (n, m, 3); knots_u: (n + degree_u + 1,); knots_v: (m + degree_v + 1,). periodic_u,
+    periodic_v: closed in that direction, with n (m) control points and n + 1 (m + 1) knots, none of them
+    copies. All arrays take the floating type of `control_points`. Raises `InputError` on shapes that do not
+    fit and on knots that define no spline. Source: The NURBS Book, §3.4.
     """
 
     control_points: Float[Array, "n m 3"]
@@ -125,10 +125,10 @@ def _sum_block(
 
 @partial(_sum_block.defjvp, symbolic_zeros=True)
 def _(columns: int, primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Array]:
-    """The product rule, with one thing more: for derivatives by the rows the weights are computed once and kept.
+    """The product rule; for derivatives by the rows the weights are computed once and kept.
 
-    Left alone the compiler computes the basis anew for each of the sixteen scatters of a reverse gradient, which
-    then takes 6 times the time of the value; so it takes 2.5 times.
+    Left alone the compiler computes the basis anew for each of the sixteen scatters of a reverse gradient,
+    which then takes 6 times the time of the value; so it takes 2.5 times.
     """
     rows, corner, values_u, values_v = primals
     by_rows, _, by_u, by_v = tangents
@@ -159,7 +159,7 @@ def contract_net(
     u: Float[Array, "m"],
     v: Float[Array, "k"],
 ) -> Float[Array, "m k d"]:
-    """All Σ_ij B_i(u_a) B_j(v_b) net_ij: the net's rows are evaluated along v, then all of them combined along u."""
+    """All Σ_ij B_i(u_a) B_j(v_b) net_ij: the net is evaluated along v, and its long rows then along u."""
     n, m, d = net.shape
     along_v = _contract(basis_v, jnp.swapaxes(net, 0, 1).reshape(m, n * d), v)
     rows = jnp.swapaxes(along_v.reshape(-1, n, d), 0, 1).reshape(n, -1)

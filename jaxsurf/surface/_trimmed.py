@@ -35,7 +35,7 @@ class TrimmedSurface(AbstractSurface):
     surface: AbstractSurface
     loops: tuple[BSplineCurve, ...]
 
-    def __init__(self, surface: AbstractSurface, loops: Sequence[BSplineCurve]):
+    def __init__(self, surface: AbstractSurface, loops: Sequence[Any]):
         loops = tuple(loops)
         if not loops:
             raise InputError("`loops` must hold at least the outer loop, got none.")
@@ -93,7 +93,7 @@ def _inside(edges: tuple[Array, Array], u: Float[Array, ""], v: Float[Array, ""]
     return jnp.sum(up, dtype=jnp.int32) > jnp.sum(down, dtype=jnp.int32)
 
 
-def _oriented(loop: BSplineCurve, index: int) -> BSplineCurve:
+def _oriented(loop: Any, index: int) -> BSplineCurve:
     """The loop, turned the right way round; refused if it is none."""
     if not isinstance(loop, BSplineCurve):
         raise InputError(

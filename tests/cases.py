@@ -1,0 +1,270 @@
+"""Every kind of shape, at an awkward place: off the origin, domain [2, 5], uneven and repeated knots, weights ≠ 1.
+
+A new shape is one function here, and receives every test of `test_transforms.py`.
+"""
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+import jaxsurf as js
+from jaxsurf.curve import breaks
+
+
+class Case(NamedTuple):
+    """A shape, and shapes of its class whose data are degenerate but lawful, by what is degenerate."""
+
+    shape: Any
+    degenerate: dict[str, Any] = {}
+
+
+CASES: dict[str, Callable[[np.random.Generator], Case]] = {}
+"""By name. A name is the class, then what is special about the case."""
+
+
+def case(name: str) -> Callable[[Callable], Callable]:
+    """Decorator: put a factory of a `Case` into the table under `name`."""
+
+    def enter(factory: Callable[[np.random.Generator], Case]) -> Callable:
+        CASES[name] = factory
+        return factory
+
+    return enter
+
+
+@cache
+def make(name: str) -> Case:
+    """The case called `name`; the same numbers every time."""
+    return CASES[name](np.random.default_rng(sum(name.encode())))
+
+
+def parameters(shape: Any) -> tuple[Any, ...]:
+    """Places amid the spans between breaks, every span at least once; broadcast arrays, one per direction."""
+    rng = np.random.default_rng(7)
+    directions = breaks(shape)
+    if not isinstance(directions, tuple):
+        directions = (directions,)
+    places = [a + rng.uniform(0.2, 0.8, len(a)) * b for a, b in ((d[:-1], np.diff(d)) for d in directions)]
+    count = max(len(p) for p in places)
+    return tuple(jnp.asarray(rng.permutation(np.resize(p, count))) for p in places)
+
+
+def corners(shape: Any) -> tuple[Any, ...]:
+    """The ends of the domain and all breaks: one array for a curve, all pairs for a surface."""
+    directions = breaks(shape)
+    if not isinstance(directions, tuple):
+        return (jnp.asarray(directions),)
+    u, v = (np.unique(np.asarray(d)[[0, len(d) // 2, -1]]) for d in directions)
+    return tuple(jnp.asarray(grid.reshape(-1)) for grid in np.meshgrid(u, v, indexing="ij"))
+
+
+def clamped(degree: int, *inner: float) -> np.ndarray:
+    """Knots on [2, 5] with full ends."""
+    return np.array([2.0] * (degree + 1) + list(inner) + [5.0] * (degree + 1))
+
+
+UNCLAMPED = np.array([0.0, 0.7, 1.1, 2.0, 2.6, 3.0, 3.1, 4.4, 5.0, 5.5, 5.9, 6.5])  # degree 3, domain [2, 5]
+UNEVEN = clamped(3, 2.7, 3.1, 3.1, 4.4)
+PERIODIC = np.array([2.0, 2.3, 3.0, 3.1, 4.2, 5.0])
+SEAM = np.array([2.0, 2.9, 3.3, 4.1, 5.0])
+
+
+def _points(rng: np.random.Generator, *shape: int) -> np.ndarray:
+    """A grid of points with a gap between neighbours, disturbed, off the origin."""
+    steps = np.stack(np.meshgrid(*(np.arange(float(n)) for n in shape[:-1]), indexing="ij"), axis=-1)
+    flat = np.zeros(shape)
+    flat[..., : steps.shape[-1]] = steps[..., : shape[-1]]
+    return np.array([7.0, -3.0, 4.0][: shape[-1]]) + flat + 0.4 * rng.normal(size=shape)
+
+
+@case("BSplineCurve")
+def _(rng: np.random.Generator) -> Case:
+    points = _points(rng, 8, 3)
+    doubled = points.copy()
+    doubled[2:5] = doubled[2]
+    return Case(
+        js.BSplineCurve(points, UNEVEN, 3),
+        {
+            "one point": js.BSplineCurve(np.ones((8, 3)), UNEVEN, 3),
+            "three points equal": js.BSplineCurve(doubled, UNEVEN, 3),
+            "full inner knot": js.BSplineCurve(points, clamped(3, 3.1, 3.1, 3.1, 4.0), 3),
+        },
+    )
+
+
+@case("BSplineCurve, not clamped")
+def _(rng: np.random.Generator) -> Case:
+    return Case(js.BSplineCurve(_points(rng, 8, 3), UNCLAMPED, 3))
+
+
+@case("BSplineCurve, polygon in a plane")
+def _(rng: np.random.Generator) -> Case:
+    return Case(js.BSplineCurve(_points(rng, 5, 2), clamped(1, 2.2, 3.9, 4.1), 1))
+
+
+@case("BSplineCurve, periodic")
+def _(rng: np.random.Generator) -> Case:
+    few = js.BSplineCurve(_points(rng, 2, 3), np.array([2.0, 2.9, 5.0]), 3, periodic=True)
+    return Case(
+        js.BSplineCurve(_points(rng, 5, 3), PERIODIC, 3, periodic=True), {"fewer points than knots": few}
+    )
+
+
+@case("NURBSCurve")
+def _(rng: np.random.Generator) -> Case:
+    points, weights = _points(rng, 8, 3), rng.uniform(0.5, 2, 8)
+    return Case(
+        js.NURBSCurve(points, weights, UNEVEN, 3),
+        {
+            "one point": js.NURBSCurve(np.ones((8, 3)), weights, UNEVEN, 3),
+            "weights of all sizes": js.NURBSCurve(points, np.logspace(-4, 4, 8), UNEVEN, 3),
+        },
+    )
+
+
+@case("Line")
+def _(rng: np.random.Generator) -> Case:
+    start, end = rng.normal(size=(2, 3)) + 4
+    return Case(js.Line(start, end), {"no length": js.Line(start, start)})
+
+
+@case("Arc")
+def _(rng: np.random.Generator) -> Case:
+    center, start, normal = rng.normal(size=(3, 3)) + np.array([[5.0], [2.0], [0.0]])
+    full, flat = (js.Arc(center, start, normal, angle) for angle in (2 * math.pi, 1e-9))
+    return Case(js.Arc(center, start, normal, 1.3), {"whole circle": full, "nearly straight": flat})
+
+
+@case("Circle")
+def _(rng: np.random.Generator) -> Case:
+    center, normal, start = rng.normal(size=(3, 3)) + np.array([[5.0], [0.0], [0.0]])
+    return Case(
+        js.Circle(center, normal, 1.7, start), {"down": js.Circle(center, (0, 0, -1), 1e-9, (1, 0, 0))}
+    )
+
+
+@case("Helix")
+def _(rng: np.random.Generator) -> Case:
+    center, axis, start = rng.normal(size=(3, 3)) + np.array([[5.0], [0.0], [0.0]])
+    flat = js.Helix(center, axis, 1.7, 0.0, 1.3, start)
+    return Case(js.Helix(center, axis, 1.7, -0.6, 2.3, start), {"no pitch": flat})
+
+
+@case("CompositeCurve")
+def _(rng: np.random.Generator) -> Case:
+    points = _points(rng, 8, 3)
+    corner, end = points[0] + np.array([-1.0, 2.0, 0.3]), points[0]
+    arc = js.Arc.through(corner + np.array([-2.0, 0.1, 0.7]), corner + np.array([-1.0, 0.8, 0.2]), corner)
+    pieces = [arc, js.Line(corner, end), js.BSplineCurve(points, UNEVEN, 3)]
+    return Case(
+        js.CompositeCurve(pieces),
+        {"a piece without length": js.CompositeCurve([*pieces[:1], js.Line(corner, corner), *pieces[1:]])},
+    )
+
+
+@case("MappedCurve")
+def _(rng: np.random.Generator) -> Case:
+    circle = js.Circle(rng.normal(size=3), (0.3, -0.5, 1.0), 1.7)
+    return Case(js.rotate(circle, (1, 2, -1), 0.8), {"flattened": js.scale(circle, (1e-9, 1.0, 1.0))})
+
+
+@case("ReparametrisedCurve")
+def _(rng: np.random.Generator) -> Case:
+    helix = js.Helix(rng.normal(size=3) + 4, (0.3, -0.5, 1.0), 1.7, 0.6, 2.3)
+    return Case(js.reverse(js.split(js.reparametrise(helix, (2, 5)), 3.2)[1]))
+
+
+@case("BSplineSurface")
+def _(rng: np.random.Generator) -> Case:
+    net = _points(rng, 8, 5, 3)
+    pole = net.copy()
+    pole[0] = pole[0, 0]
+    knots_v = clamped(2, 2.9, 4.1)
+    return Case(
+        js.BSplineSurface(net, UNEVEN, knots_v, 3, 2),
+        {
+            "one point": js.BSplineSurface(np.ones((8, 5, 3)), UNEVEN, knots_v, 3, 2),
+            "pole": js.BSplineSurface(pole, UNEVEN, knots_v, 3, 2),
+        },
+    )
+
+
+@case("BSplineSurface, periodic in v")
+def _(rng: np.random.Generator) -> Case:
+    return Case(js.BSplineSurface(_points(rng, 8, 5, 3), UNCLAMPED, PERIODIC, 3, 3, periodic_v=True))
+
+
+@case("BSplineSurface, periodic in both")
+def _(rng: np.random.Generator) -> Case:
+    net = _points(rng, 4, 5, 3)
+    return Case(js.BSplineSurface(net, SEAM, PERIODIC, 2, 3, periodic_u=True, periodic_v=True))
+
+
+@case("NURBSSurface")
+def _(rng: np.random.Generator) -> Case:
+    net, weights, knots_v = _points(rng, 8, 5, 3), rng.uniform(0.5, 2, (8, 5)), clamped(2, 2.9, 4.1)
+    flat = np.ones((8, 5, 3))
+    return Case(
+        js.NURBSSurface(net, weights, UNEVEN, knots_v, 3, 2),
+        {"one point": js.NURBSSurface(flat, weights, UNEVEN, knots_v, 3, 2)},
+    )
+
+
+@case("Plane")
+def _(rng: np.random.Generator) -> Case:
+    point, normal = rng.normal(size=(2, 3)) + np.array([[5.0], [0.0]])
+    return Case(js.Plane(point, normal, 3.0), {"down": js.Plane(point, (0, 0, -1), 1e-9)})
+
+
+@case("Sphere")
+def _(rng: np.random.Generator) -> Case:
+    center = rng.normal(size=3) + 4
+    return Case(js.Sphere(center, 1.7), {"tiny": js.Sphere(center, 1e-9)})
+
+
+@case("Cylinder")
+def _(rng: np.random.Generator) -> Case:
+    center, axis, start = rng.normal(size=(3, 3)) + np.array([[5.0], [0.0], [0.0]])
+    return Case(
+        js.Cylinder(center, axis, 1.7, 2.4, start), {"thin": js.Cylinder(center, (0, 0, -1), 1e-9, 1.0)}
+    )
+
+
+@case("Cone")
+def _(rng: np.random.Generator) -> Case:
+    center, axis, start = rng.normal(size=(3, 3)) + np.array([[5.0], [0.0], [0.0]])
+    return Case(
+        js.Cone(center, axis, 1.7, -0.3, 2.4, start), {"apex": js.Cone(center, axis, 0.0, 0.3, 2.4, start)}
+    )
+
+
+@case("Torus")
+def _(rng: np.random.Generator) -> Case:
+    center, axis, start = rng.normal(size=(3, 3)) + np.array([[5.0], [0.0], [0.0]])
+    return Case(
+        js.Torus(center, axis, 2.7, 0.8, start), {"cuts itself": js.Torus(center, axis, 1.0, 1.0, start)}
+    )
+
+
+@case("TrimmedSurface")
+def _(rng: np.random.Generator) -> Case:
+    square = np.array([[2.5, 2.5], [4.5, 2.6], [4.4, 4.5], [2.6, 4.4], [2.5, 2.5]])
+    loop = js.BSplineCurve(square, clamped(1, 2.5, 3.1, 4.2), 1)
+    return Case(js.TrimmedSurface(make("BSplineSurface").shape, [loop]))
+
+
+@case("MappedSurface")
+def _(rng: np.random.Generator) -> Case:
+    torus = js.Torus(rng.normal(size=3), (0.3, -0.5, 1.0), 2.7, 0.8)
+    return Case(js.rotate(torus, (1, 2, -1), 0.8), {"flattened": js.scale(torus, (1e-9, 1.0, 1.0))})
+
+
+@case("ReparametrisedSurface")
+def _(rng: np.random.Generator) -> Case:
+    cone = js.Cone(rng.normal(size=3) + 4, (0.3, -0.5, 1.0), 1.7, -0.3, 2.4)
+    moved = js.reparametrise(cone, ((2, 5), (-1, 3)))
+    return Case(js.transpose(js.reverse(js.split(moved, 3.2, "u")[1], "v")))
