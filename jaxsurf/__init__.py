@@ -8,6 +8,7 @@ from .basis import (
     periodic_knots as periodic_knots,
     uniform_knots as uniform_knots,
 )
+from .convert import Conversion as Conversion, interpolate as interpolate, to_bspline as to_bspline
 from .curve import (
     AbstractCurve as AbstractCurve,
     Arc as Arc,
@@ -18,34 +19,6 @@ from .curve import (
     Line as Line,
     NURBSCurve as NURBSCurve,
 )
-from .surface import (
-    AbstractSurface as AbstractSurface,
-    BSplineSurface as BSplineSurface,
-    Cone as Cone,
-    Cylinder as Cylinder,
-    NURBSSurface as NURBSSurface,
-    Plane as Plane,
-    Sphere as Sphere,
-    Torus as Torus,
-    TrimmedSurface as TrimmedSurface,
-)
-from .edit import (
-    clamp as clamp,
-    elevate_degree as elevate_degree,
-    insert_knots as insert_knots,
-    mirror as mirror,
-    remove_knots as remove_knots,
-    reparametrise as reparametrise,
-    reverse as reverse,
-    rotate as rotate,
-    scale as scale,
-    split as split,
-    transform as transform,
-    translate as translate,
-    transpose as transpose,
-    unrolled as unrolled,
-)
-from .convert import Conversion as Conversion, interpolate as interpolate, to_bspline as to_bspline
 from .differential import (
     Curvature as Curvature,
     arc_length as arc_length,
@@ -64,8 +37,22 @@ from .differential import (
     torsion as torsion,
     volume as volume,
 )
-from .mesh import Mesh as Mesh, tessellate as tessellate
-from .query import Foot as Foot, closest_point as closest_point
+from .edit import (
+    clamp as clamp,
+    elevate_degree as elevate_degree,
+    insert_knots as insert_knots,
+    mirror as mirror,
+    remove_knots as remove_knots,
+    reparametrise as reparametrise,
+    reverse as reverse,
+    rotate as rotate,
+    scale as scale,
+    split as split,
+    transform as transform,
+    translate as translate,
+    transpose as transpose,
+    unrolled as unrolled,
+)
 from .fit import (
     CloudFit as CloudFit,
     Deviation as Deviation,
@@ -76,3 +63,16 @@ from .fit import (
     trim_to_cloud as trim_to_cloud,
 )
 from .io import load as load, save as save
+from .mesh import Mesh as Mesh, tessellate as tessellate
+from .query import Foot as Foot, closest_point as closest_point
+from .surface import (
+    AbstractSurface as AbstractSurface,
+    BSplineSurface as BSplineSurface,
+    Cone as Cone,
+    Cylinder as Cylinder,
+    NURBSSurface as NURBSSurface,
+    Plane as Plane,
+    Sphere as Sphere,
+    Torus as Torus,
+    TrimmedSurface as TrimmedSurface,
+)

@@ -28,12 +28,17 @@ def check_targets(options: argparse.Namespace) -> None:
         if suffix == ".3dm":
             import_optional("rhino3dm", extra="cad", purpose=f"writing {suffix} files")
             if options.trim:
-                raise InputError("`--trim` needs a STEP or IGES file: 3DM files are written without trimming.")
+                raise InputError(
+                    "`--trim` needs a STEP or IGES file: 3DM files are written without trimming."
+                )
         elif suffix in _CAD:
             import_optional("OCP", extra="cad", purpose=f"writing {suffix} files")
         elif suffix in _MESH:
             import_optional("trimesh", extra="mesh", purpose=f"writing {suffix} files")
-    for target, suffixes in ((options.picture, (".png", ".svg", ".pdf")), (options.report, (".html", ".htm"))):
+    for target, suffixes in (
+        (options.picture, (".png", ".svg", ".pdf")),
+        (options.report, (".html", ".htm")),
+    ):
         if target and Path(target).suffix.lower() not in suffixes:
             raise InputError(f"{target!r} must end in {' or '.join(suffixes)}.")
     if options.picture or options.report:
@@ -44,7 +49,9 @@ def check_targets(options: argparse.Namespace) -> None:
     names = [str(Path(target).resolve()) for target in targets] + [str(Path(options.cloud).resolve())]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"{name!r} is named twice: give every output a file of its own, other than the cloud.")
+            raise InputError(
+                f"{name!r} is named twice: give every output a file of its own, other than the cloud."
+            )
 
 
 def write_all(options: argparse.Namespace, found: Any, points: np.ndarray, seconds: float) -> list[str]:
@@ -89,7 +96,9 @@ def _write_shape(target: str, shape: Any, unit: str) -> None:
         io.write_mesh(target, mesh.vertices, mesh.faces, normals=mesh.normals)
 
 
-def _deviation_picture(found: Any, points: np.ndarray, unit: str, shape: Any, path: str | None = None) -> np.ndarray:
+def _deviation_picture(
+    found: Any, points: np.ndarray, unit: str, shape: Any, path: str | None = None
+) -> np.ndarray:
     from .view import deviation
 
     return deviation(shape, found.foot.parameters, found.deviation.signed, points, unit=unit, path=path)
@@ -111,7 +120,13 @@ def figures(found: Any, count: int, unit: str, seconds: float) -> list[tuple[str
         *((f"{q:.0%} of the points within", float(value), unit) for q, value in deviation.quantiles.items()),
     ]
     if found.holdout is not None:
-        rows.append((f"rms deviation of {found.holdout.signed.shape[0]} points left out", float(found.holdout.rms), unit))
+        rows.append(
+            (
+                f"rms deviation of {found.holdout.signed.shape[0]} points left out",
+                float(found.holdout.rms),
+                unit,
+            )
+        )
     uncovered = len(found.coverage.uncovered)
     rows.append(("knot cells without points", f"{uncovered} of {found.coverage.covered.size}", ""))
     rows.append(("time", round(seconds, 1), "s"))
@@ -131,21 +146,32 @@ def notes(options: argparse.Namespace, found: Any) -> list[str]:
         )
     extent = np.linalg.norm(np.ptp(np.asarray(found.foot.points), axis=0))
     if float(found.deviation.rms) > 0.02 * extent:
-        said.append("The points lie far from the surface: the cloud may not be one sheet; split it into patches.")
+        said.append(
+            "The points lie far from the surface: the cloud may not be one sheet; split it into patches."
+        )
     if found.coverage.uncovered and not options.trim:
-        said.append("Parts of the surface were not measured: they continue its surroundings. --trim cuts the face to the cloud.")
+        said.append(
+            "Parts of the surface were not measured: they continue its surroundings. --trim cuts the face to the cloud."
+        )
     return said
 
 
-def summary_lines(options: argparse.Namespace, found: Any, count: int, written: list[str], seconds: float) -> list[str]:
+def summary_lines(
+    options: argparse.Namespace, found: Any, count: int, written: list[str], seconds: float
+) -> list[str]:
     """What is printed when all is done."""
-    rows = [(label, f"{value:.4g}" if isinstance(value, float) else str(value), unit) for label, value, unit in figures(found, count, options.unit, seconds)]
+    rows = [
+        (label, f"{value:.4g}" if isinstance(value, float) else str(value), unit)
+        for label, value, unit in figures(found, count, options.unit, seconds)
+    ]
     width = max(len(label) for label, _, _ in rows)
     lines = [f"{label.ljust(width)}  {value} {unit}".rstrip() for label, value, unit in rows]
     return [*lines, *notes(options, found), "wrote " + ", ".join(written)]
 
 
-def _write_report(options: argparse.Namespace, found: Any, points: np.ndarray, shape: Any, seconds: float) -> None:
+def _write_report(
+    options: argparse.Namespace, found: Any, points: np.ndarray, shape: Any, seconds: float
+) -> None:
     from .report import Report, Table, provenance, write_report
     from .view import png_bytes, shade
 
@@ -153,7 +179,12 @@ def _write_report(options: argparse.Namespace, found: Any, points: np.ndarray, s
         "Refinement",
         ("spans", "control points", f"rms [{options.unit}]", "within tolerance"),
         [
-            (f"{s.spans[0]} × {s.spans[1]}", s.control_points, s.rms, "" if s.within is None else f"{s.within:.1%}")
+            (
+                f"{s.spans[0]} × {s.spans[1]}",
+                s.control_points,
+                s.rms,
+                "" if s.within is None else f"{s.within:.1%}",
+            )
             for s in found.stages
         ],
     )

@@ -9,20 +9,22 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from cases import CASES, corners, make, parameters
 
 import jaxsurf as js
 from jaxsurf._registry import registered_class, registered_names
 from jaxsurf.curve import AbstractCurve
 from jaxsurf.surface import AbstractSurface
 
-from .cases import CASES, corners, make, parameters
-
-DEGENERATE = [(name, kind) for name in CASES for kind in make(name).degenerate]
-
 
 @pytest.fixture(params=CASES, scope="module")
-def shape(request):
-    return make(request.param).shape
+def case(request):
+    return make(request.param)
+
+
+@pytest.fixture(scope="module")
+def shape(case):
+    return case.shape
 
 
 def test_every_registered_shape_has_a_case():
@@ -144,29 +146,19 @@ def test_derivatives_are_slopes_of_lower_ones(shape):
         np.testing.assert_allclose(derived, slope, rtol=1e-6, atol=1e-6 * (1 + float(jnp.max(jnp.abs(derived)))))
 
 
-@pytest.mark.parametrize("name, kind", DEGENERATE)
-def test_degenerate_data_give_finite_values_and_gradients(name, kind):
-    shape = make(name).degenerate[kind]
-    places = tuple(jnp.concatenate(pair) for pair in zip(parameters(shape), corners(shape), strict=True))
-
-    @eqx.filter_jit
-    @eqx.filter_value_and_grad
-    def value(shape):
-        return jnp.sum(jnp.sin(shape(*places)))
-
-    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(value(shape)))
+def test_gradients_are_finite_at_ends_and_breaks_and_on_degenerate_data(case):
+    for kind, shape in {"": case.shape, **case.degenerate}.items():
+        places = corners(shape)
+        value, gradient = _value_and_gradient((shape, places))
+        finite = [np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves((value, gradient))]
+        assert all(finite), (kind, value, gradient)
 
 
-def test_gradients_are_finite_at_ends_and_breaks(shape):
-    places = corners(shape)
-
-    @eqx.filter_jit
-    @eqx.filter_value_and_grad
-    def value(shape_and_places):
-        shape, places = shape_and_places
-        return jnp.sum(jnp.sin(shape(*places)))
-
-    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(value((shape, places))))
+@eqx.filter_jit
+@eqx.filter_value_and_grad
+def _value_and_gradient(shape_and_places):
+    shape, places = shape_and_places
+    return jnp.sum(jnp.sin(shape(*places)))
 
 
 def test_printing_is_short_and_clean(shape):

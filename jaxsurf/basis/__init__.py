@@ -1,4 +1,8 @@
 from ._bspline import BSplineBasis as BSplineBasis, local_values as local_values
+from ._collocate import (
+    averaged_knots as averaged_knots,
+    collocation_matrix as collocation_matrix,
+)
 from ._cumulative import cumulative_local as cumulative_local, cumulative_row as cumulative_row
 from ._knots import (
     check_knots as check_knots,
@@ -9,12 +13,8 @@ from ._knots import (
     uniform_knots as uniform_knots,
 )
 from ._refine import (
-    elevation_matrix as elevation_matrix,
     elevated_knots as elevated_knots,
+    elevation_matrix as elevation_matrix,
     inserted_knots as inserted_knots,
     refinement_matrix as refinement_matrix,
-)
-from ._collocate import (
-    averaged_knots as averaged_knots,
-    collocation_matrix as collocation_matrix,
 )

@@ -61,7 +61,7 @@ class BSplineBasis(eqx.Module):
             values = values * t + take(coefficients[power], first)
         return first, [values[i] for i in range(self.degree + 1)]
 
-    def near(self, u: Float[Array, ""]) -> tuple[Int[Array, ""], Float[Array, "2p"], Float[Array, ""]]:
+    def near(self, u: Float[Array, ""]) -> tuple[Int[Array, ""], Float[Array, "w"], Float[Array, ""]]:
         """Index of the first function that does not vanish around `u`, the knots that those functions need,
         and `u`, wrapped if periodic."""
         p, knots = self.degree, self.unrolled_knots
@@ -97,7 +97,7 @@ class BSplineBasis(eqx.Module):
 
 def span_polynomials(
     knots: Float[Array, "k"], degree: int
-) -> tuple[Float[Array, "spans"], Float[Array, "spans"], list[Float[Array, "spans p+1"]]]:
+) -> tuple[Float[Array, "spans"], Float[Array, "spans"], list[Float[Array, "spans q"]]]:
     """The basis on every span as polynomials in t = (u - middle) · scale, which runs over [-1, 1].
 
     Returns middle, scale and, by power of t, the coefficients of the `degree + 1` functions that do not

@@ -1,12 +1,6 @@
 from ._abstract import AbstractCurve as AbstractCurve
 from ._breaks import breaks as breaks
-from ._bspline import BSplineCurve as BSplineCurve
-from ._bspline import combine as combine
+from ._bspline import BSplineCurve as BSplineCurve, combine as combine
 from ._composite import CompositeCurve as CompositeCurve
-from ._elementary import Arc as Arc
-from ._elementary import Circle as Circle
-from ._elementary import Helix as Helix
-from ._elementary import Line as Line
-from ._nurbs import NURBSCurve as NURBSCurve
-from ._nurbs import homogeneous as homogeneous
-from ._nurbs import project as project
+from ._elementary import Arc as Arc, Circle as Circle, Helix as Helix, Line as Line
+from ._nurbs import NURBSCurve as NURBSCurve, homogeneous as homogeneous, project as project

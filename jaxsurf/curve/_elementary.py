@@ -12,8 +12,7 @@ from .._array import Numbers, concrete, eps, is_concrete
 from .._errors import InputError
 from .._frame import check_not_parallel, frame, perpendicular
 from .._registry import register
-from .._safe import angle as angle_between
-from .._safe import divide, norm
+from .._safe import angle as angle_between, divide, norm
 from ._abstract import AbstractCurve
 
 

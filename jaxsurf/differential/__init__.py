@@ -9,6 +9,7 @@ from ._curves import (
     torsion as torsion,
 )
 from ._forms import FundamentalForm as FundamentalForm, first_form as first_form, second_form as second_form
+from ._jets import basis_derivatives as basis_derivatives, jet as jet
 from ._measure import arc_length as arc_length, area as area, volume as volume
 from ._normal import normal as normal, normal_at as normal_at
 from ._partials import (
@@ -20,4 +21,3 @@ from ._partials import (
     second_partials as second_partials,
     second_partials_at as second_partials_at,
 )
-from ._jets import basis_derivatives as basis_derivatives, jet as jet

@@ -62,7 +62,7 @@ def _by_forward_mode(
 
 def basis_derivatives(
     basis: BSplineBasis, u: Float[Array, ""], order: int
-) -> tuple[Int[Array, "p+1"], Float[Array, "order+1 p+1"]]:
+) -> tuple[Int[Array, "q"], Float[Array, "l q"]]:
     """Control points of the functions that do not vanish at `u`, and their values and derivatives up to `order`.
 
     Written with short vectors: it traces and compiles several times faster than `BSplineBasis.local` under forward mode,
@@ -77,7 +77,7 @@ def basis_derivatives(
     return basis.control_index(first, jnp.arange(basis.degree + 1, dtype=jnp.int32)), jnp.stack(table)
 
 
-def _values(near: Float[Array, "2p"], degree: int, u: Float[Array, ""]) -> Float[Array, "p+1"]:
+def _values(near: Float[Array, "w"], degree: int, u: Float[Array, ""]) -> Float[Array, "q"]:
     """The NURBS Book, A2.2, a level at a time."""
     values = jnp.ones(1, u.dtype)
     for d in range(1, degree + 1):

@@ -1,6 +1,6 @@
-from ._deviation import Deviation as Deviation
-from ._parametrise import Parametrisation as Parametrisation, parametrise as parametrise
-from ._coverage import Coverage as Coverage, coverage as coverage
-from ._outline import trim_to_cloud as trim_to_cloud
-from ._fit import Fit as Fit, fit as fit, side_lengths as side_lengths
 from ._cloud import CloudFit as CloudFit, Stage as Stage, fit_cloud as fit_cloud
+from ._coverage import Coverage as Coverage, coverage as coverage
+from ._deviation import Deviation as Deviation
+from ._fit import Fit as Fit, fit as fit, side_lengths as side_lengths
+from ._outline import trim_to_cloud as trim_to_cloud
+from ._parametrise import Parametrisation as Parametrisation, parametrise as parametrise

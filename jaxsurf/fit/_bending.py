@@ -31,7 +31,11 @@ def _(shape: BSplineSurface, sides: tuple[Any, Any]) -> Float[Array, "q q"] | No
     # lengths per parameter: s = along_u · u
     along_u, along_v = sides[0] / (b - a), sides[1] / (d - c)
     area = sides[0] * sides[1]
-    parts = ((u[2], v[0], along_v / along_u**3), (u[1], v[1], 2 / (along_u * along_v)), (u[0], v[2], along_u / along_v**3))
+    parts = (
+        (u[2], v[0], along_v / along_u**3),
+        (u[1], v[1], 2 / (along_u * along_v)),
+        (u[0], v[2], along_u / along_v**3),
+    )
     return area * sum(weight * jnp.kron(in_u, in_v) for in_u, in_v, weight in parts)
 
 

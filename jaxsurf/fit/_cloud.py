@@ -187,7 +187,16 @@ def _best_start(
         start = linear_start(sample, parameters, knots_u, knots_v, degree, candidate.sides, _STIFF)
         start, parameters = _facing_outwards(start, parameters, np.asarray(sample).mean(axis=0))
         stiff = faint_bending(max(spans) + degree, _STIFF)
-        trial = fit(start, sample, start=parameters, bending=stiff, sliding=_SLIDING, max_steps=6, progress=progress, phase="unroll")
+        trial = fit(
+            start,
+            sample,
+            start=parameters,
+            bending=stiff,
+            sliding=_SLIDING,
+            max_steps=6,
+            progress=progress,
+            phase="unroll",
+        )
         if float(trial.deviation.rms) < best_rms:
             best, best_rms = trial, float(trial.deviation.rms)
         if trial.stopped:
@@ -212,13 +221,17 @@ def _facing_outwards(
     knots = np.asarray(surface.knots_u)
     turned = (jnp.asarray(net[::-1]), jnp.asarray((knots[0] + knots[-1] - knots)[::-1]))
     flipped = np.asarray(parameters) * [-1, 1] + [knots[0] + knots[-1], 0]
-    return eqx.tree_at(lambda s: (s.control_points, s.knots_u), surface, turned), jnp.asarray(flipped, parameters.dtype)
+    return eqx.tree_at(lambda s: (s.control_points, s.knots_u), surface, turned), jnp.asarray(
+        flipped, parameters.dtype
+    )
 
 
 def _refit(start: BSplineSurface, points: Array, feet: Any, options: dict[str, Any]) -> Fit:
     weight = faint_bending(max(start.control_points.shape[:2]), _ATTENUATION)
     phase = options.get("phase", "fit {} × {} spans".format(*_spans(start)))
-    return fit(start, points, start=feet, bending=weight, sliding=_SLIDING, rtol=_RTOL, **{**options, "phase": phase})
+    return fit(
+        start, points, start=feet, bending=weight, sliding=_SLIDING, rtol=_RTOL, **{**options, "phase": phase}
+    )
 
 
 def _hold_out(done: Fit, points: Array, share: float, seed: int, options: dict[str, Any]) -> Deviation | None:
@@ -227,7 +240,9 @@ def _hold_out(done: Fit, points: Array, share: float, seed: int, options: dict[s
     if not chosen.any():
         return None
     weights = jnp.asarray(~chosen, points.dtype)
-    again = _refit(done.shape, points, done.foot.parameters, {**options, "weights": weights, "phase": "hold-out"})
+    again = _refit(
+        done.shape, points, done.foot.parameters, {**options, "weights": weights, "phase": "hold-out"}
+    )
     return Deviation(jnp.asarray(np.asarray(again.deviation)[chosen]))
 
 

@@ -19,7 +19,9 @@ from ._problem import Problem
 _NODES = 3  # Gauss-Legendre nodes in each span
 
 
-def fairness_terms(shape: Any, problem: Problem) -> tuple[Float[Array, ""], Float[Array, "P"], Float[Array, "P P"]]:
+def fairness_terms(
+    shape: Any, problem: Problem
+) -> tuple[Float[Array, ""], Float[Array, "P"], Float[Array, "P P"]]:
     """Value, gradient and Gauss-Newton matrix of ½ · fairness · (scale-free curvature variation).
 
     Of a curve: L⁵/(2π)⁶ ∫ |(dk/ds)_⊥|² ds, k the curvature vector. Of a surface: the analogue A/(2π)⁴ ∬ |∇II|² dA with the covariant
@@ -47,7 +49,9 @@ def curvature_variation(derivatives: dict[tuple[int, int], Float[Array, "3"]]) -
     first = jnp.stack([d[1, 0], d[0, 1]])
     second = jnp.stack([jnp.stack([d[2, 0], d[1, 1]]), jnp.stack([d[1, 1], d[0, 2]])])
     by_ones = [d[3, 0], d[2, 1], d[1, 2], d[0, 3]]
-    third = jnp.stack([jnp.stack([jnp.stack([by_ones[i + j + k] for k in (0, 1)]) for j in (0, 1)]) for i in (0, 1)])
+    third = jnp.stack(
+        [jnp.stack([jnp.stack([by_ones[i + j + k] for k in (0, 1)]) for j in (0, 1)]) for i in (0, 1)]
+    )
     normal = _safe.unit(jnp.cross(first[0], first[1]))
     h = second @ normal
     e1 = _safe.unit(first[0])
@@ -55,7 +59,12 @@ def curvature_variation(derivatives: dict[tuple[int, int], Float[Array, "3"]]) -
     # contravariant components of the frame: e_a = Σ_i frame[a, i] S_i
     a, b, c = first[0] @ e1, first[1] @ e1, first[1] @ e2
     zero = jnp.zeros_like(a)
-    frame = jnp.stack([jnp.stack([_safe.divide(jnp.ones_like(a), a), zero]), jnp.stack([-_safe.divide(b, a * c), _safe.divide(jnp.ones_like(c), c)])])
+    frame = jnp.stack(
+        [
+            jnp.stack([_safe.divide(jnp.ones_like(a), a), zero]),
+            jnp.stack([-_safe.divide(b, a * c), _safe.divide(jnp.ones_like(c), c)]),
+        ]
+    )
     inverse = frame.T @ frame
     christoffel = jnp.einsum("ijx,mx,ml->ijl", second, first, inverse)
     mixed = jnp.einsum("ijl,kl->ijk", christoffel, h)
@@ -77,7 +86,9 @@ def _(shape: AbstractCurve, problem: Problem) -> Any:
     length = jax.lax.stop_gradient(weights @ speed)
     scale = jnp.sqrt(length**5 / (2 * jnp.pi) ** 6 * weights)
 
-    def residual(theta: Float[Array, "P"], t: Float[Array, ""], factor: Float[Array, ""]) -> Float[Array, "d"]:
+    def residual(
+        theta: Float[Array, "P"], t: Float[Array, ""], factor: Float[Array, ""]
+    ) -> Float[Array, "d"]:
         d = jet(problem.member(theta), (t,), 3)
         return factor * _curve_variation(d[1,], d[2,], d[3,])
 
@@ -109,10 +120,14 @@ def _(shape: AbstractSurface, problem: Problem) -> Any:
     nodes = jnp.stack(jnp.meshgrid(u, v, indexing="ij"), -1).reshape(-1, 2)
     weights = (weights_u[:, None] * weights_v[None, :]).reshape(-1)
 
-    def residual(theta: Float[Array, "P"], t: Float[Array, "2"], weight: Float[Array, ""]) -> Float[Array, "4"]:
+    def residual(
+        theta: Float[Array, "P"], t: Float[Array, "2"], weight: Float[Array, ""]
+    ) -> Float[Array, "4"]:
         return _weighted(jet(problem.member(theta), (t[0], t[1]), 3), weight)
 
-    area = jax.lax.stop_gradient(jnp.sum(weights * jax.vmap(lambda t: _element(jet(shape, (t[0], t[1]), 1)))(nodes)))
+    area = jax.lax.stop_gradient(
+        jnp.sum(weights * jax.vmap(lambda t: _element(jet(shape, (t[0], t[1]), 1)))(nodes))
+    )
     return _dense(residual, problem.unknowns(shape), nodes, weights * area / (2 * jnp.pi) ** 4)
 
 
@@ -135,11 +150,16 @@ def _(shape: BSplineSurface, problem: Problem) -> Any:
     (u, weights_u), (v, weights_v) = span_nodes(cells.u, _NODES), span_nodes(cells.v, _NODES)
     derivatives = lambda basis, nodes: jax.vmap(lambda t: basis_derivatives(basis, t, 3)[1])(nodes)
     by_span = lambda x, count: x.reshape(count, _NODES, *x.shape[1:])
-    along_u, along_v = by_span(derivatives(cells.u, u), cells.count_u), by_span(derivatives(cells.v, v), cells.count_v)
+    along_u, along_v = (
+        by_span(derivatives(cells.u, u), cells.count_u),
+        by_span(derivatives(cells.v, v), cells.count_v),
+    )
     weights_u, weights_v = by_span(weights_u, cells.count_u), by_span(weights_v, cells.count_v)
     indices = [(i, j) for i in range(4) for j in range(4 - i)]
     # table[cell, node, derivative, control point]
-    table = jnp.stack([jnp.einsum("xai,ybj->xyabij", along_u[:, :, i], along_v[:, :, j]) for i, j in indices], axis=4)
+    table = jnp.stack(
+        [jnp.einsum("xai,ybj->xyabij", along_u[:, :, i], along_v[:, :, j]) for i, j in indices], axis=4
+    )
     table = table.reshape(cells.count, _NODES**2, len(indices), cells.terms)
     weights = jnp.einsum("xa,yb->xyab", weights_u, weights_v).reshape(cells.count, _NODES**2)
     local = shape.control_points.reshape(-1, 3)[cells.control_points()]

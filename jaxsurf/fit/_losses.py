@@ -31,7 +31,12 @@ LOSSES = {
         Loss("squared", lambda z: z, lambda z: jnp.ones_like(z), 1.0),
         Loss("huber", _huber, lambda z: 1 / jnp.sqrt(jnp.maximum(z, 1)), 1.345),
         Loss("cauchy", jnp.log1p, lambda z: 1 / (1 + z), 2.385),
-        Loss("tukey", lambda z: (1 - jnp.maximum(1 - z, 0) ** 3) / 3, lambda z: jnp.maximum(1 - z, 0) ** 2, 4.685),
+        Loss(
+            "tukey",
+            lambda z: (1 - jnp.maximum(1 - z, 0) ** 3) / 3,
+            lambda z: jnp.maximum(1 - z, 0) ** 2,
+            4.685,
+        ),
     )
 }
 

@@ -28,7 +28,11 @@ class Quadratic(NamedTuple):
 
 @singledispatch
 def accumulate(
-    shape: Any, problem: Problem, parameters: Float[Array, "N k"], lines: Linearised, weights: Float[Array, "N"]
+    shape: Any,
+    problem: Problem,
+    parameters: Float[Array, "N k"],
+    lines: Linearised,
+    weights: Float[Array, "N"],
 ) -> tuple[Float[Array, "P"], Float[Array, "P P"]]:
     """Σ w Jᵀ(S − p) and Σ w JᵀRᵀRJ, J = ∂S/∂θ at the feet, R of `linearise`.
 
@@ -69,7 +73,8 @@ def _(
         return accumulate.dispatch(object)(shape, problem, parameters, lines, weights)
     cells = KnotCells(shape)
     first_u, first_v = (
-        jax.vmap(lambda t, b=basis: b.local(t)[0])(parameters[:, i]) for i, basis in enumerate((cells.u, cells.v))
+        jax.vmap(lambda t, b=basis: b.local(t)[0])(parameters[:, i])
+        for i, basis in enumerate((cells.u, cells.v))
     )
     slots, block_cell = _sort_into_blocks(first_u * cells.count_v + first_v, cells.count)
     gather = lambda x: jnp.concatenate([x, jnp.zeros_like(x[:1])])[slots]
@@ -121,7 +126,9 @@ class KnotCells:
         self, gradient: Float[Array, "cells q"], matrix: Float[Array, "cells q q"]
     ) -> tuple[Float[Array, "P"], Float[Array, "P P"]]:
         """Add the cells' blocks (control point-major, coordinate-minor) into the whole."""
-        index = (self.control_points()[:, :, None] * 3 + jnp.arange(3, dtype=jnp.int32)).reshape(self.count, -1)
+        index = (self.control_points()[:, :, None] * 3 + jnp.arange(3, dtype=jnp.int32)).reshape(
+            self.count, -1
+        )
         whole = jnp.zeros(self.unknowns, gradient.dtype).at[index].add(gradient)
         square = jnp.zeros((self.unknowns, self.unknowns), matrix.dtype)
         return whole, square.at[index[:, :, None], index[:, None, :]].add(matrix)

@@ -147,7 +147,9 @@ def _in_rectangle(
     hull = flat[ConvexHull(flat).vertices]
     edges = np.roll(hull, -1, axis=0) - hull
     angles = np.unique(np.round(np.mod(np.arctan2(edges[:, 1], edges[:, 0]), np.pi / 2), 12))
-    turns = np.stack([np.stack([np.cos(angles), np.sin(angles)], -1), np.stack([-np.sin(angles), np.cos(angles)], -1)], 1)
+    turns = np.stack(
+        [np.stack([np.cos(angles), np.sin(angles)], -1), np.stack([-np.sin(angles), np.cos(angles)], -1)], 1
+    )
     areas = np.prod(np.ptp(hull @ np.swapaxes(turns, 1, 2), axis=1), axis=1)
     turned = flat @ turns[int(np.argmin(areas))].T
     if np.ptp(turned[:, 0]) < np.ptp(turned[:, 1]):

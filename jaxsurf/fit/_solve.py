@@ -88,10 +88,14 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
             result=optx.RESULTS.successful,
         )
 
-    def step(self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any) -> tuple[Any, _State, Any]:
+    def step(
+        self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
+    ) -> tuple[Any, _State, Any]:
         problem, _, penalty = args
         value, gradient, matrix, feet = evaluate(problem, state.trial, state.feet, penalty)
-        trial_info = EvalGradHessian(value, gradient, lx.MatrixLinearOperator(matrix, lx.positive_semidefinite_tag))
+        trial_info = EvalGradHessian(
+            value, gradient, lx.MatrixLinearOperator(matrix, lx.positive_semidefinite_tag)
+        )
         step_size, accept, search_result, search = self.search.step(
             state.first_step, y, state.trial, state.info, trial_info, state.search
         )
@@ -105,7 +109,9 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
         state = _State(jnp.asarray(False), y + step, search, info, feet, info, done, result)
         return y, state, feet
 
-    def terminate(self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any) -> tuple[Any, Any]:
+    def terminate(
+        self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
+    ) -> tuple[Any, Any]:
         return state.done, state.result
 
     def postprocess(
@@ -145,7 +151,9 @@ def solve(
     args = (problem, feet, penalty)
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
         if progress is silent:
-            found = optx.minimise(_objective, solver, theta, args, has_aux=True, max_steps=max_steps, throw=False)
+            found = optx.minimise(
+                _objective, solver, theta, args, has_aux=True, max_steps=max_steps, throw=False
+            )
             return Solved(found.value, found.aux, found.stats["num_steps"], found.result)
         return _stepwise(solver, theta, args, max_steps, progress, phase)
 
@@ -160,7 +168,10 @@ def _stepwise(
     solver: NormalEquationsSolver, theta: Array, args: Any, max_steps: int, progress: Progress, phase: str
 ) -> Solved:
     # through the host, so that no leaf is weakly typed and the second step does not compile again
-    state = jax.tree.map(lambda x: jnp.asarray(np.asarray(x)), solver.init(_objective, theta, args, {}, None, None, frozenset()))
+    state = jax.tree.map(
+        lambda x: jnp.asarray(np.asarray(x)),
+        solver.init(_objective, theta, args, {}, None, None, frozenset()),
+    )
     problem = args[0]
     steps, stopped = 0, False
     for steps in range(1, max_steps + 1):
@@ -174,6 +185,8 @@ def _stepwise(
 
 
 @eqx.filter_jit
-def _compiled_step(solver: NormalEquationsSolver, theta: Array, args: Any, state: _State) -> tuple[Array, _State]:
+def _compiled_step(
+    solver: NormalEquationsSolver, theta: Array, args: Any, state: _State
+) -> tuple[Array, _State]:
     theta, state, _ = solver.step(_objective, theta, args, {}, state, frozenset())
     return theta, state

@@ -1,2 +1,7 @@
-from ._closest import Foot as Foot, closest_point as closest_point, foot_at as foot_at, refine_feet as refine_feet
+from ._closest import (
+    Foot as Foot,
+    closest_point as closest_point,
+    foot_at as foot_at,
+    refine_feet as refine_feet,
+)
 from ._newton import held_parameters as held_parameters, value_and_tangents as value_and_tangents

@@ -5,7 +5,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from .. import _safe
 from .._array import Numbers, as_float, eps, map_points
@@ -32,7 +32,11 @@ class Foot(eqx.Module):
 
 
 def closest_point(
-    shape: AbstractCurve | AbstractSurface, points: Numbers, *, start: Numbers | None = None, candidates: int = 2
+    shape: AbstractCurve | AbstractSurface,
+    points: Numbers,
+    *,
+    start: Numbers | None = None,
+    candidates: int = 2,
 ) -> Foot:
     """Feet of `points` (..., 3) on a curve or surface, borders included.
 
@@ -77,9 +81,11 @@ def _starts(shape: Any, points: Float[Array, "N d"], candidates: int) -> Float[A
     samples = shape(axes[0]) if len(axes) == 1 else shape.grid_points(*axes)
     samples = jax.lax.stop_gradient(samples.reshape(-1, samples.shape[-1]))
     parameters = jnp.stack(jnp.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-    indices = jnp.stack(jnp.meshgrid(*[jnp.arange(n) for n in counts], indexing="ij"), axis=-1).reshape(-1, len(axes))
+    indices = jnp.stack(jnp.meshgrid(*[jnp.arange(n) for n in counts], indexing="ij"), axis=-1).reshape(
+        -1, len(axes)
+    )
     centre = jnp.mean(samples, axis=0)
-    samples = samples - centre
+    samples = samples - centre[None, :]
     squared = 0.5 * jnp.sum(samples * samples, axis=-1)
 
     def nearest(_: Any, x: Array, *rest: Array) -> Array:
@@ -88,7 +94,7 @@ def _starts(shape: Any, points: Float[Array, "N d"], candidates: int) -> Float[A
         for _ in range(candidates):
             best = jnp.argmin(distance)
             found.append(parameters[best])
-            near = jnp.all(jnp.abs(indices - indices[best]) <= 3, axis=-1)
+            near = jnp.all(jnp.abs(indices - indices[best][None, :]) <= 3, axis=-1)
             distance = jnp.where(near, jnp.inf, distance)
         return jnp.stack(found)
 

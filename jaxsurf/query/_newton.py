@@ -14,13 +14,19 @@ from ._samples import domain_box, periodic_directions
 _STEPS = 60
 
 
-def local_frame(shape: Any, t: Float[Array, "k"]) -> tuple[Float[Array, "d"], Float[Array, "d k"], Float[Array, "d k k"]]:
+def local_frame(
+    shape: Any, t: Float[Array, "k"]
+) -> tuple[Float[Array, "d"], Float[Array, "d k"], Float[Array, "d k k"]]:
     """Point, first and second derivatives at one parameter vector."""
     k = t.shape[0]
     derivatives = jet(shape, tuple(t), 2)
     at = lambda *axes: derivatives[tuple(sum(axis == i for axis in axes) for i in range(k))]
     tangents = jnp.stack([at(i) for i in range(k)], axis=-1)
-    return at(), tangents, jnp.stack([jnp.stack([at(i, j) for j in range(k)], axis=-1) for i in range(k)], axis=-2)
+    return (
+        at(),
+        tangents,
+        jnp.stack([jnp.stack([at(i, j) for j in range(k)], axis=-1) for i in range(k)], axis=-2),
+    )
 
 
 def value_and_tangents(shape: Any, t: Float[Array, "k"]) -> tuple[Float[Array, "d"], Float[Array, "d k"]]:
@@ -31,9 +37,7 @@ def value_and_tangents(shape: Any, t: Float[Array, "k"]) -> tuple[Float[Array, "
     return derivatives[(0,) * k], jnp.stack(tangents, axis=-1)
 
 
-def held_parameters(
-    shape: Any, t: Float[Array, "k"], gradient: Float[Array, "k"]
-) -> Bool[Array, "k"]:
+def held_parameters(shape: Any, t: Float[Array, "k"], gradient: Float[Array, "k"]) -> Bool[Array, "k"]:
     """Which parameters of a foot sit on a border that the foot would like to cross, `gradient` being that of ½ d²."""
     return jax.lax.stop_gradient(_held(t, gradient, *_box(shape)))
 
@@ -58,11 +62,15 @@ def descend(
     lower, upper, free = _box(shape)
     short = (0.01 * eps(start.dtype) ** 0.5 * size) ** 2
 
-
     def look(t: Float[Array, "k"]) -> tuple[Array, Array, Array, Array]:
         point, tangents, curving = local_frame(shape, t)
         offset = point - p
-        return 0.5 * offset @ offset, offset @ tangents, tangents.T @ tangents, jnp.tensordot(offset, curving, axes=1)
+        return (
+            0.5 * offset @ offset,
+            offset @ tangents,
+            tangents.T @ tangents,
+            jnp.tensordot(offset, curving, axes=1),
+        )
 
     def going(state: Any) -> Bool[Array, ""]:
         return ~state[-1]
@@ -85,7 +93,12 @@ def descend(
 
     k = start.shape[0]
     none = jnp.zeros((), start.dtype)
-    unknown = (none, jnp.zeros(k, start.dtype), jnp.zeros((k, k), start.dtype), jnp.zeros((k, k), start.dtype))
+    unknown = (
+        none,
+        jnp.zeros(k, start.dtype),
+        jnp.zeros((k, k), start.dtype),
+        jnp.zeros((k, k), start.dtype),
+    )
     state = (jnp.zeros((), jnp.int32), start, unknown, start, none, jnp.asarray(False))
     _, t, here, *_ = jax.lax.while_loop(going, move, state)
     wrapped = lower + jnp.mod(t - lower, upper - lower)
@@ -112,7 +125,13 @@ def _step(
         return -gradient / jnp.where(positive, newton[0, 0], fallback[0, 0])
     determinant = lambda m: m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
     limit = 1e-6 * scale[0] * scale[1]
-    positive = (newton[0, 0] > 0) & (newton[1, 1] > 0) & (determinant(newton) > jnp.minimum(limit, 1e-3 * determinant(fallback)))
+    positive = (
+        (newton[0, 0] > 0)
+        & (newton[1, 1] > 0)
+        & (determinant(newton) > jnp.minimum(limit, 1e-3 * determinant(fallback)))
+    )
     m = jnp.where(positive, newton, fallback)
-    turned = jnp.stack([m[1, 1] * gradient[0] - m[0, 1] * gradient[1], m[0, 0] * gradient[1] - m[1, 0] * gradient[0]])
+    turned = jnp.stack(
+        [m[1, 1] * gradient[0] - m[0, 1] * gradient[1], m[0, 0] * gradient[1] - m[1, 0] * gradient[0]]
+    )
     return -_safe.divide(turned, determinant(m))

@@ -67,7 +67,9 @@ def domain_box(shape: AbstractCurve | AbstractSurface) -> tuple[Float[Array, "k"
     """Lower and upper ends of the parameters as vectors."""
     ends = [shape.domain] if isinstance(shape, AbstractCurve) else list(shape.domain)
     lower, upper = zip(*ends, strict=True)
-    return jnp.stack([jnp.asarray(x, shape.dtype) for x in lower]), jnp.stack([jnp.asarray(x, shape.dtype) for x in upper])
+    return jnp.stack([jnp.asarray(x, shape.dtype) for x in lower]), jnp.stack(
+        [jnp.asarray(x, shape.dtype) for x in upper]
+    )
 
 
 def _evenly(domain: tuple[Any, Any], dtype: Any) -> Float[Array, "m"]:

@@ -155,7 +155,7 @@ def _is_symbolic(tangent: Any) -> bool:
 def contract_net(
     basis_u: BSplineBasis,
     basis_v: BSplineBasis,
-    net: Float[Array, "n m d"],
+    net: Float[Array, "n l d"],
     u: Float[Array, "m"],
     v: Float[Array, "k"],
 ) -> Float[Array, "m k d"]:
@@ -173,7 +173,7 @@ def _contract(basis: BSplineBasis, rows: Float[Array, "n w"], u: Float[Array, "m
 
 
 def _unroll(
-    basis_u: BSplineBasis, basis_v: BSplineBasis, net: Float[Array, "n m d"]
+    basis_u: BSplineBasis, basis_v: BSplineBasis, net: Float[Array, "n l d"]
 ) -> Float[Array, "n2 m2 d"]:
     along_v = jnp.swapaxes(basis_v.unroll(jnp.swapaxes(net, 0, 1)), 0, 1) if basis_v.periodic else net
     return basis_u.unroll(along_v)

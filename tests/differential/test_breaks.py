@@ -4,11 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from differential_cases import assert_close, bicubic, cubic
 
 from jaxsurf.curve import BSplineCurve, Circle, breaks
 from jaxsurf.surface import Sphere
-
-from differential_cases import assert_close, bicubic, cubic
 
 
 def test_knots_inside_the_domain_without_repetitions():

@@ -6,11 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from differential_cases import assert_close, bicubic, difference
 
 from jaxsurf.differential import curvature, normal
 from jaxsurf.surface import BSplineSurface, Cone, Cylinder, Plane, Sphere, Torus
-
-from differential_cases import assert_close, bicubic, difference
 
 POLE = math.pi / 2
 V = np.array([0.3, 1.2, -0.8])

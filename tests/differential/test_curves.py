@@ -6,12 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from differential_cases import assert_close, cubic, difference
 
 from jaxsurf._errors import InputError
 from jaxsurf.curve import BSplineCurve, Circle, Helix, Line
 from jaxsurf.differential import curve_curvature, frenet_frame, torsion
-
-from differential_cases import assert_close, cubic, difference
 
 U = np.linspace(2, 5, 7)
 

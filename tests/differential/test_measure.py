@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from differential_cases import assert_close, bicubic, cubic, difference
 from mpmath import ellipe
 from scipy.integrate import quad
 
@@ -13,8 +14,6 @@ from jaxsurf._errors import InputError
 from jaxsurf.curve import BSplineCurve, Circle, CompositeCurve, Line, NURBSCurve
 from jaxsurf.differential import arc_length, area, equally_spaced, parameter_at_length, volume
 from jaxsurf.surface import BSplineSurface, Cylinder, Plane, Sphere, Torus
-
-from differential_cases import assert_close, bicubic, cubic, difference
 
 CORNER = CompositeCurve([Line([1.0, 0, 0], [2.0, 0, 0]), Line([2.0, 0, 0], [2.0, 3, 0])])
 

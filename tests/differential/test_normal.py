@@ -6,11 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from differential_cases import assert_close, bicubic, difference, squared, triangle
 
 from jaxsurf.differential import normal, normal_at
 from jaxsurf.surface import BSplineSurface, Cone, Sphere
-
-from differential_cases import assert_close, bicubic, difference, squared, triangle
 
 POLE = math.pi / 2
 

@@ -3,12 +3,11 @@
 import jax
 import numpy as np
 import pytest
+from differential_cases import assert_close, bicubic, cubic, difference
 
 from jaxsurf._errors import InputError
 from jaxsurf.differential import derivative, first_form, partials, second_form, second_partials
 from jaxsurf.surface import Cylinder
-
-from differential_cases import assert_close, bicubic, cubic, difference
 
 U, V = np.linspace(2, 5, 5)[:, None], np.array([2.3, 4.1, 5])[None]
 
