@@ -109,9 +109,7 @@ def _(rng: np.random.Generator) -> Case:
 @case("BSplineCurve, periodic")
 def _(rng: np.random.Generator) -> Case:
     few = js.BSplineCurve(_points(rng, 2, 3), np.array([2.0, 2.9, 5.0]), 3, periodic=True)
-    return Case(
-        js.BSplineCurve(_points(rng, 5, 3), PERIODIC, 3, periodic=True), {"fewer points than knots": few}
-    )
+    return Case(js.BSplineCurve(_points(rng, 5, 3), PERIODIC, 3, periodic=True), {"fewer points than knots": few})
 
 
 @case("NURBSCurve")
@@ -142,9 +140,7 @@ def _(rng: np.random.Generator) -> Case:
 @case("Circle")
 def _(rng: np.random.Generator) -> Case:
     center, normal, start = rng.normal(size=(3, 3)) + np.array([[5.0], [0.0], [0.0]])
-    return Case(
-        js.Circle(center, normal, 1.7, start), {"down": js.Circle(center, (0, 0, -1), 1e-9, (1, 0, 0))}
-    )
+    return Case(js.Circle(center, normal, 1.7, start), {"down": js.Circle(center, (0, 0, -1), 1e-9, (1, 0, 0))})
 
 
 @case("Helix")
@@ -229,25 +225,19 @@ def _(rng: np.random.Generator) -> Case:
 @case("Cylinder")
 def _(rng: np.random.Generator) -> Case:
     center, axis, start = rng.normal(size=(3, 3)) + np.array([[5.0], [0.0], [0.0]])
-    return Case(
-        js.Cylinder(center, axis, 1.7, 2.4, start), {"thin": js.Cylinder(center, (0, 0, -1), 1e-9, 1.0)}
-    )
+    return Case(js.Cylinder(center, axis, 1.7, 2.4, start), {"thin": js.Cylinder(center, (0, 0, -1), 1e-9, 1.0)})
 
 
 @case("Cone")
 def _(rng: np.random.Generator) -> Case:
     center, axis, start = rng.normal(size=(3, 3)) + np.array([[5.0], [0.0], [0.0]])
-    return Case(
-        js.Cone(center, axis, 1.7, -0.3, 2.4, start), {"apex": js.Cone(center, axis, 0.0, 0.3, 2.4, start)}
-    )
+    return Case(js.Cone(center, axis, 1.7, -0.3, 2.4, start), {"apex": js.Cone(center, axis, 0.0, 0.3, 2.4, start)})
 
 
 @case("Torus")
 def _(rng: np.random.Generator) -> Case:
     center, axis, start = rng.normal(size=(3, 3)) + np.array([[5.0], [0.0], [0.0]])
-    return Case(
-        js.Torus(center, axis, 2.7, 0.8, start), {"cuts itself": js.Torus(center, axis, 1.0, 1.0, start)}
-    )
+    return Case(js.Torus(center, axis, 2.7, 0.8, start), {"cuts itself": js.Torus(center, axis, 1.0, 1.0, start)})
 
 
 @case("TrimmedSurface")

@@ -72,9 +72,7 @@ def test_forward_reverse_and_difference_agree(shape):
         along[i] = jnp.asarray(rng.normal(size=leaf.shape))
         pushed = forward(data, tree.unflatten(along))
         pulled = jnp.sum(reverse[i] * along[i])
-        step = lambda h, i=i, along=along: value(
-            tree.unflatten([*leaves[:i], leaves[i] + h * along[i], *leaves[i + 1 :]])
-        )
+        step = lambda h, i=i, along=along: value(tree.unflatten([*leaves[:i], leaves[i] + h * along[i], *leaves[i + 1 :]]))
         difference = _slope(step, 1e-4)
         np.testing.assert_allclose(pushed, pulled, rtol=1e-10, atol=1e-12)
         np.testing.assert_allclose(pulled, difference, rtol=1e-6, atol=1e-8)
@@ -89,9 +87,7 @@ def test_vmap_and_jvp_commute(shape):
     ones = tuple(jnp.ones_like(p) for p in places)
     axes = (None, *(0 for _ in places))
     outer_jvp = jax.jvp(jax.vmap(point, in_axes=axes), (data, *places), (along, *ones))[1]
-    outer_vmap = jax.vmap(
-        lambda *p: jax.jvp(point, (data, *p), (along, *(jnp.ones_like(q) for q in p)))[1]
-    )(*places)
+    outer_vmap = jax.vmap(lambda *p: jax.jvp(point, (data, *p), (along, *(jnp.ones_like(q) for q in p)))[1])(*places)
     np.testing.assert_allclose(outer_jvp, outer_vmap, rtol=1e-12, atol=1e-12)
 
 

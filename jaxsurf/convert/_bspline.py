@@ -135,9 +135,7 @@ def _(shape: NURBSCurve, tol: float, *, degree: int = 3) -> Conversion:
 def _(shape: NURBSSurface, tol: float, *, degree: int = 3) -> Conversion:
     if not _equal_weights(shape.weights):
         return to_bspline.dispatch(AbstractSurface)(shape, tol, degree=degree)
-    spline = BSplineSurface(
-        shape.control_points, shape.knots_u, shape.knots_v, shape.degree_u, shape.degree_v
-    )
+    spline = BSplineSurface(shape.control_points, shape.knots_u, shape.knots_v, shape.degree_u, shape.degree_v)
     return Conversion(spline, jnp.zeros((), shape.dtype))
 
 
@@ -169,8 +167,7 @@ def _within(attempt: Any, shape: Any, tol: float) -> Conversion:
         reached = min(reached, error)
         aim = 0.7 * aim * tol / error
     raise InputError(
-        f"`tol` = {tol:g} cannot be reached for this {name} in {shape.dtype}: "
-        f"the best error measured was {reached:.2g}."
+        f"`tol` = {tol:g} cannot be reached for this {name} in {shape.dtype}: the best error measured was {reached:.2g}."
     )
 
 
@@ -189,8 +186,7 @@ def _grid_error(
 def _check(shape: Any, tol: float, degree: int) -> None:
     if not is_concrete(shape):
         raise InputError(
-            "`to_bspline` places knots by measured errors and needs concrete numbers; "
-            "call it outside `jit` and `grad`."
+            "`to_bspline` places knots by measured errors and needs concrete numbers; call it outside `jit` and `grad`."
         )
     if not tol > 0:
         raise InputError(f"`tol` must be a positive length, got {tol}.")
@@ -212,8 +208,7 @@ def _refuse_jumps(shape: Any, places: np.ndarray, times: np.ndarray, degree: int
     jumps = np.flatnonzero(times[1:-1] > degree)
     if jumps.size:
         raise InputError(
-            f"A {type(shape).__name__} that jumps at {name} = {places[jumps[0] + 1]:g} is no B-spline; "
-            f"split it there."
+            f"A {type(shape).__name__} that jumps at {name} = {places[jumps[0] + 1]:g} is no B-spline; split it there."
         )
 
 

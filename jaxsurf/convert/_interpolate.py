@@ -15,7 +15,7 @@ from ..basis import BSplineBasis, greville
 from ..curve import BSplineCurve
 from ..surface import BSplineSurface
 from ._banded import band, solve_banded
-from ._parameters import Spacing, spaced_parameters
+from ._parameters import spaced_parameters
 
 
 def interpolate(
@@ -23,7 +23,7 @@ def interpolate(
     degree: int | tuple[int, int] = 3,
     *,
     closed: bool | tuple[bool, bool] = False,
-    parameters: Spacing | Numbers | tuple[Any, Any] = "chord",
+    parameters: str | Numbers | tuple[Any, Any] = "chord",
     end_tangents: tuple[Numbers, Numbers] | None = None,
 ) -> BSplineCurve | BSplineSurface:
     """The B-spline curve through points (n, 3) or (n, 2), the B-spline surface through a grid (n, m, 3).
@@ -127,9 +127,7 @@ def _end_slopes(
 ) -> Float[Array, "2 d"]:
     directions = jnp.stack([as_float(tangent, points.dtype) for tangent in end_tangents])
     if directions.shape != (2, points.shape[1]):
-        raise InputError(
-            f"`end_tangents` must be two directions ({points.shape[1]},), got shape {directions.shape}."
-        )
+        raise InputError(f"`end_tangents` must be two directions ({points.shape[1]},), got shape {directions.shape}.")
     if is_concrete(directions) and not np.all(np.any(concrete(directions) != 0, axis=1)):
         raise InputError("`end_tangents` must be directions, got a zero vector.")
     chords = jnp.stack([points[1] - points[0], points[-1] - points[-2]])
@@ -139,11 +137,7 @@ def _end_slopes(
 
 def _without_return(points: Float[Array, "n *rows d"]) -> Float[Array, "n2 *rows d"]:
     """Closed points without the first repeated at the end; by value, so only concrete data lose it."""
-    if (
-        is_concrete(points)
-        and points.shape[0] > 1
-        and np.array_equal(concrete(points[0]), concrete(points[-1]))
-    ):
+    if is_concrete(points) and points.shape[0] > 1 and np.array_equal(concrete(points[0]), concrete(points[-1])):
         return points[:-1]
     return points
 
@@ -154,9 +148,7 @@ def _check_count(count: int, degree: int, closed: bool, tangents: bool, where: s
     if closed and tangents:
         raise InputError("`end_tangents` are for open curves; a closed one has no ends.")
     if closed and count < 3:
-        raise InputError(
-            f"`points` of a closed spline must be at least 3{where}, got {count} different ones."
-        )
+        raise InputError(f"`points` of a closed spline must be at least 3{where}, got {count} different ones.")
     needed = max(degree + 1 - 2 * tangents, 2)
     if not closed and count < needed:
         raise InputError(

@@ -1,6 +1,6 @@
 """Parameters for points that a spline is to pass through."""
 
-from typing import Any, Literal
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +10,6 @@ from .._array import Numbers, as_float, concrete, is_concrete
 from .._errors import InputError
 from .._safe import divide, norm, safe_sqrt
 
-Spacing = Literal["chord", "centripetal", "uniform"]
 _LENGTHS = {
     "chord": lambda chords: chords,
     "centripetal": safe_sqrt,
@@ -19,7 +18,7 @@ _LENGTHS = {
 
 
 def spaced_parameters(
-    points: Float[Array, "n *rows d"], parameters: Spacing | Numbers, closed: bool, name: str = "parameters"
+    points: Float[Array, "n *rows d"], parameters: str | Numbers, closed: bool, name: str = "parameters"
 ) -> Float[Array, "k"]:
     """Ascending parameters of points along the first axis; closed, one more for the return to the first.
 
@@ -69,6 +68,5 @@ def _check_apart(steps: Any, closed: bool) -> None:
         i = int(equal[0])
         after = 0 if closed and i == len(steps) - 1 else i + 1
         raise InputError(
-            f"`points` {i} and {after} coincide; "
-            f"remove one of them, or give `parameters` that tell them apart."
+            f"`points` {i} and {after} coincide; remove one of them, or give `parameters` that tell them apart."
         )

@@ -40,10 +40,7 @@ def parameter_at_length(curve: AbstractCurve, length: Numbers) -> Float[Array, "
         slack = 1e3 * eps(length.dtype) * whole
         wrong = ~((values >= -slack) & (values <= whole + slack))
         if wrong.any():
-            raise InputError(
-                f"`length` must lie between 0 and the curve's length {whole:g}, "
-                f"got {values[wrong].flat[0]:g}."
-            )
+            raise InputError(f"`length` must lie between 0 and the curve's length {whole:g}, got {values[wrong].flat[0]:g}.")
     return map_points(_parameter_at, (curve, table), length)
 
 

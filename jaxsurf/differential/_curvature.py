@@ -79,9 +79,7 @@ def _from_matrix(
     turn = arctan2(q_or_0, half) / 2
     cos, sin = jax.lax.optimization_barrier((jnp.cos(turn), jnp.sin(turn)))
     larger, smaller = cos * along + sin * across, sin * along - cos * across
-    return Curvature(
-        jnp.stack([mean - difference, mean + difference]), jnp.stack([smaller, larger]), mean, p * r - q * q
-    )
+    return Curvature(jnp.stack([mean - difference, mean + difference]), jnp.stack([smaller, larger]), mean, p * r - q * q)
 
 
 def _limit_at(surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]) -> Curvature:

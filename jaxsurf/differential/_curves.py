@@ -46,9 +46,7 @@ def frenet_frame(curve: AbstractCurve, u: Numbers) -> FrenetFrame:
     Gradients are finite everywhere.
     """
     if eqx.filter_eval_shape(curve.point, jnp.zeros((), curve.dtype)).shape != (3,):
-        raise InputError(
-            "`curve` must be a curve in space for a Frenet frame; give its points a third coordinate."
-        )
+        raise InputError("`curve` must be a curve in space for a Frenet frame; give its points a third coordinate.")
     return map_points(_frame_at, curve, as_float(u, curve.dtype))
 
 
@@ -61,11 +59,14 @@ def _curvature_at(curve: AbstractCurve, u: Float[Array, ""]) -> Float[Array, ""]
 
 def _frame_at(curve: AbstractCurve, u: Float[Array, ""]) -> FrenetFrame:
     first, second, third = _derivatives(curve, u)
+    point = curve.point(u)
     tangent = unit(first)
     speed = norm(first)
     turn = jnp.cross(first, second)
-    # What is left of C' × C'' on a straight line is round-off, up to a few eps of the product.
-    bent = norm(turn) > 64 * eps(u.dtype) * speed * norm(second)
+    # On a straight line C' × C'' is round-off: of C'' itself, and of what C'' is the difference of.
+    start, end = curve.domain
+    bend = norm(second) + speed / (end - start) + norm(point) / (end - start) ** 2
+    bent = norm(turn) > 1024 * eps(u.dtype) * speed * bend
     turn = jnp.where(bent, turn, 0)
     axis = jnp.eye(3, dtype=u.dtype)[jax.lax.stop_gradient(jnp.argmin(jnp.abs(tangent)))]
     binormal = jnp.where(bent, unit(turn), unit(jnp.cross(tangent, axis)))

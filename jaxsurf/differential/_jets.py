@@ -14,9 +14,7 @@ from ..surface import AbstractSurface, BSplineSurface
 
 
 @singledispatch
-def jet(
-    shape: Any, parameters: tuple[Float[Array, ""], ...], order: int
-) -> dict[tuple[int, ...], Float[Array, "d"]]:
+def jet(shape: Any, parameters: tuple[Float[Array, ""], ...], order: int) -> dict[tuple[int, ...], Float[Array, "d"]]:
     """Derivatives by multi-index: of a curve (i,) with i ≤ `order`, of a surface (i, j) with i + j ≤ `order`.
 
     Any shape by nested forward mode; polynomial splines by derivatives of their basis, which compiles several times
@@ -54,15 +52,11 @@ def _(shape: BSplineSurface, parameters: tuple[Float[Array, ""], ...], order: in
     return {(k, l): table[k, l] for k in range(order + 1) for l in range(order + 1 - k)}
 
 
-def _by_forward_mode(
-    shape: Any, parameters: tuple[Float[Array, ""], ...], indices: list[tuple[int, ...]]
-) -> dict:
+def _by_forward_mode(shape: Any, parameters: tuple[Float[Array, ""], ...], indices: list[tuple[int, ...]]) -> dict:
     return {index: PartialDerivative(type(shape).point, index)(shape, *parameters) for index in indices}
 
 
-def basis_derivatives(
-    basis: BSplineBasis, u: Float[Array, ""], order: int
-) -> tuple[Int[Array, "q"], Float[Array, "l q"]]:
+def basis_derivatives(basis: BSplineBasis, u: Float[Array, ""], order: int) -> tuple[Int[Array, "q"], Float[Array, "l q"]]:
     """Control points of the functions that do not vanish at `u`, and their values and derivatives up to `order`.
 
     Written with short vectors: it traces and compiles several times faster than `BSplineBasis.local` under forward mode,

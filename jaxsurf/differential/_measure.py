@@ -34,9 +34,7 @@ def arc_length(
     first, last = (jnp.asarray(end, dtype) for end in curve.domain)
     start, end = (first if a is None else as_float(a, dtype)), (last if b is None else as_float(b, dtype))
     if start.shape or end.shape:
-        raise InputError(
-            f"`a` and `b` must be numbers, got shapes {start.shape}, {end.shape}; use `jax.vmap`."
-        )
+        raise InputError(f"`a` and `b` must be numbers, got shapes {start.shape}, {end.shape}; use `jax.vmap`.")
     low, high = jnp.minimum(start, end), jnp.maximum(start, end)
     inner = jnp.clip(jnp.asarray(breaks(curve), dtype)[1:-1], low, high)
     edges = jnp.concatenate([low[None], inner, high[None]])
@@ -49,9 +47,7 @@ def area(surface: AbstractSurface, *, tolerance: float | None = None) -> Float[A
     return integral(_area_at, surface, breaks(surface), tolerance)
 
 
-def volume(
-    surfaces: AbstractSurface | Sequence[AbstractSurface], *, tolerance: float | None = None
-) -> Float[Array, ""]:
+def volume(surfaces: AbstractSurface | Sequence[AbstractSurface], *, tolerance: float | None = None) -> Float[Array, ""]:
     """Volume inside one closed surface or several that close together; positive if normals point outwards.
 
     ⅓ ∬ ⟨S − o, S_u × S_v⟩ du dv over all of them (divergence theorem), o a point of the first. That they
@@ -76,9 +72,7 @@ def _area_at(surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""])
     return norm(cross_product(partials_at(surface, u, v)))
 
 
-def _cone_at(
-    data: tuple[AbstractSurface, Float[Array, "3"]], u: Float[Array, ""], v: Float[Array, ""]
-) -> Float[Array, ""]:
+def _cone_at(data: tuple[AbstractSurface, Float[Array, "3"]], u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
     surface, origin = data
     first = partials_at(surface, u, v)
     return jnp.dot(first.point - origin, cross_product(first)) / 3

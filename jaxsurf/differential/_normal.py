@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from .._array import Numbers, as_float, concrete, eps, is_concrete, map_points
 from .._safe import divide, norm, unit
 from ..surface import AbstractSurface
-from ._partials import PARTIALS_CHUNK, Partials, partials_at
+from ._partials import PARTIALS_CHUNK, Partials, partials_at, second_partials_at
 
 Result = TypeVar("Result")
 
@@ -18,11 +18,11 @@ Result = TypeVar("Result")
 def normal(surface: AbstractSurface, u: Numbers, v: Numbers) -> Float[Array, "*batch 3"]:
     """Unit normals S_u × S_v / |S_u × S_v|, (..., 3) for u and v broadcast against each other.
 
-    Where S_u × S_v vanishes (a pole, an apex, an edge shrunk to a point) the result is the limit from inside
-    the domain: with C(t) = S_u × S_v on the way from there into the domain, the first of C'(0), C''(0) that
-    does not vanish. The way goes along v where only S_u vanishes, along u where only S_v does, otherwise
-    straight to the middle of the domain; so the limit at the apex of a cone is that of its ruling. If C''
-    vanishes too, the result is 0. Gradients are finite everywhere.
+    Where S_u × S_v vanishes (a pole, an apex, an edge shrunk to a point) the result is the limit from inside the
+    domain: with C(t) = S_u × S_v on the way from there into the domain, the first of C'(0), C''(0) that does not
+    vanish. The way leaves a degenerate edge straight, so the limit at the apex of a cone is that of its ruling;
+    from other points it leads to the middle of the domain. If C'' vanishes too, the result is 0. Gradients are
+    finite everywhere.
     """
     u, v = jnp.broadcast_arrays(as_float(u, surface.dtype), as_float(v, surface.dtype))
     return where_degenerate(_direct_at, _limit_at, surface, u, v)
@@ -53,9 +53,7 @@ def where_degenerate(
     return jax.lax.cond(jnp.any(failed), mended, lambda: found)
 
 
-def _direct_at(
-    surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]
-) -> tuple[Float[Array, "3"], Array]:
+def _direct_at(surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]) -> tuple[Float[Array, "3"], Array]:
     first = partials_at(surface, u, v)
     return unit(cross_product(first)), is_degenerate(surface, first)
 
@@ -78,28 +76,40 @@ def inward_way(
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """The way from a degenerate point into the domain: its lengths in u and v, signed towards the middle.
 
-    Where only S_u vanishes (an edge v = const shrunk to a point), the way is that along v, and the other way
-    round.
+    Along a whole degenerate edge S_u × S_v stays 0; the way leaves it at a right angle, in the parameters.
     """
     (a, b), (c, d) = surface.domain
-    first = partials_at(surface, u, v)
-    along_u, along_v = norm(first.u) * (b - a), norm(first.v) * (d - c)
-    close = _closeness(u.dtype)
     inwards = lambda t, start, end: jnp.where(t < (start + end) / 2, 1, -1) * (end - start)
-    way_u = jnp.where((along_u <= close * along_v) & (along_v > 0), 0, inwards(u, a, b))
-    way_v = jnp.where((along_v <= close * along_u) & (along_u > 0), 0, inwards(v, c, d))
-    return jax.lax.stop_gradient(way_u).astype(u.dtype), jax.lax.stop_gradient(way_v).astype(u.dtype)
+    way_u, way_v = inwards(u, a, b).astype(u.dtype), inwards(v, c, d).astype(v.dtype)
+    _, by_u, by_v = _slopes(surface, u, v)
+    along_u, along_v = norm(by_u * way_u), norm(by_v * way_v)
+    close = _closeness(u.dtype)
+    way_u = jnp.where((along_u <= close * along_v) & (along_v > 0), 0, way_u)
+    way_v = jnp.where((along_v <= close * along_u) & (along_u > 0), 0, way_v)
+    return jax.lax.stop_gradient(way_u), jax.lax.stop_gradient(way_v)
+
+
+def _slopes(
+    surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]
+) -> tuple[Float[Array, "3"], Float[Array, "3"], Float[Array, "3"]]:
+    """C = S_u × S_v and its partial derivatives."""
+    second = second_partials_at(surface, u, v)
+    by_u = jnp.cross(second.uu, second.v) + jnp.cross(second.u, second.uv)
+    by_v = jnp.cross(second.uv, second.v) + jnp.cross(second.u, second.vv)
+    return jnp.cross(second.u, second.v), by_u, by_v
 
 
 def _limit_at(surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
     """The normal from the Taylor coefficients of C(t) = S_u × S_v on the way t into the domain."""
     step_u, step_v = inward_way(surface, u, v)
-    way = lambda t: cross_product(partials_at(surface, u + t * step_u, v + t * step_v))
-    slope = lambda t: jax.jvp(way, (t,), (jnp.ones_like(t),))
+
+    def slope(t: Float[Array, ""]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+        value, by_u, by_v = _slopes(surface, u + t * step_u, v + t * step_v)
+        return value, step_u * by_u + step_v * by_v
+
     value, first = slope(jnp.zeros_like(u))
     # At a distance δ from the degenerate point C = δ C'(0) + δ²/2 C''(0), so C / δ is C' at δ/2, without the
-    # cancellation and with the right gradients. Third derivatives, for C'', would take five times as long to
-    # compile.
+    # cancellation and with the right gradients. C'' by differences: third derivatives take long to compile.
     h = _closeness(u.dtype)
     back = -divide(jnp.sum(value * first), jnp.sum(first * first)) / 2
     _, (middle, near, far) = jax.vmap(slope)(jnp.stack([back, jnp.full_like(u, h), jnp.full_like(u, 2 * h)]))

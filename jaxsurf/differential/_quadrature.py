@@ -55,9 +55,7 @@ def gauss(dtype: Any, dimension: int = 1) -> tuple[Float[Array, "k d"], Float[Ar
     return jnp.asarray(nodes, dtype), jnp.asarray(weights.reshape(-1), dtype)
 
 
-def settled_edges(
-    function: Callable[..., Array], shape: Any, edge: Any, tolerance: float | None = None
-) -> np.ndarray:
+def settled_edges(function: Callable[..., Array], shape: Any, edge: Any, tolerance: float | None = None) -> np.ndarray:
     """Breaks of one parameter, refined until integrals between them are within `tolerance`; concrete data.
 
     The last one is repeated up to the next power of two, so that few sizes are compiled.
@@ -96,9 +94,7 @@ def _settle(
     return values, low, high
 
 
-def _concrete_integrals(
-    function: Callable[..., Array], shape: Any, low: np.ndarray, high: np.ndarray
-) -> np.ndarray:
+def _concrete_integrals(function: Callable[..., Array], shape: Any, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     count = len(low)
     wanted = max(_LEAST if low.shape[1] == 1 else 1, 1 << (count - 1).bit_length())
     low, high = (np.pad(side, ((0, wanted - count), (0, 0)), mode="edge") for side in (low, high))

@@ -21,7 +21,7 @@ from ._refine import refined_knots
 
 _COARSE = 4  # spans of the first net where a tolerance is to be met: enough to bend with the sheet
 _STIFF = 1.0  # the same for the first net, which must not fold
-_RTOL = 0.01  # relative gain of the objective below which a stage ends: the rest is gliding along the sheet
+_RTOL = 0.005  # relative gain of the objective below which a stage ends: the rest is gliding along the sheet
 _SLIDING = 0.1  # keeps the isolines of the net even: they follow the unrolled sheet
 _ATTENUATION = 0.1  # share of the shortest ripple of the net that the background bending takes away
 

@@ -26,7 +26,9 @@ def cubic(dtype=np.float64):
 
 def triangle():
     """A patch whose edge v = 0 is shrunk to a point: S_u vanishes there."""
-    net = np.array([[[1, 0, 0], [0, 1, 0.2], [0, 2, 0]], [[1, 0, 0], [1, 1, 0], [1, 2, 0]], [[1, 0, 0], [2, 1, 0.3], [3, 2, 0]]])
+    net = np.array(
+        [[[1, 0, 0], [0, 1, 0.2], [0, 2, 0]], [[1, 0, 0], [1, 1, 0], [1, 2, 0]], [[1, 0, 0], [2, 1, 0.3], [3, 2, 0]]]
+    )
     knots = clamped_knots(3, 2, (1.0, 2.0))
     return BSplineSurface(net.astype(float), knots, knots, 2, 2)
 

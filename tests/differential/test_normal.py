@@ -28,7 +28,8 @@ def test_a_sphere_has_its_normal_everywhere(dtype, close):
     v = np.array([-POLE, -POLE + 1e-9, -POLE + 1e-4, 0.3, POLE - 1e-6, POLE], dtype)
     found = normal(ball, np.linspace(0.2, 6, 6), v)
     assert found.dtype == dtype
-    assert_close(found, (ball(np.linspace(0.2, 6, 6), v) - ball.center) / 2.5, close)
+    points = np.asarray(ball(np.linspace(0.2, 6, 6), v))
+    assert_close(found, (points - np.asarray(ball.center)) / 2.5, close)
 
 
 def test_gradients_at_a_pole_are_those_of_the_limit():
