@@ -1,5 +1,5 @@
-from . import io as io, report as report, view as view
 from ._errors import InputError as InputError, MissingPackageError as MissingPackageError
+from ._lazy import __dir__ as __dir__, __getattr__ as __getattr__
 from ._progress import Event as Event, silent as silent
 from ._registry import register as register
 from .basis import (
@@ -62,8 +62,6 @@ from .fit import (
     parametrise as parametrise,
     trim_to_cloud as trim_to_cloud,
 )
-from .io import load as load, save as save
-from .mesh import Mesh as Mesh, tessellate as tessellate
 from .query import Foot as Foot, closest_point as closest_point
 from .surface import (
     AbstractSurface as AbstractSurface,

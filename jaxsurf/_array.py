@@ -49,17 +49,19 @@ def eps(dtype: Any) -> float:
 
 
 def take(rows: Array, index: Array) -> Array:
-    """Row `index` of a table, for an index known to be inside it.
+    """Row `index` of a table, for one index known to be inside it.
 
-    Unsigned, so that nothing is spent on negative ones (a quarter of the time of a bicubic patch).
+    Nothing is spent on negative or too large indices (a quarter of the time of a bicubic patch).
     """
-    return rows.at[index.astype(jnp.uint32)].get(mode="promise_in_bounds")
+    numbers = jax.lax.GatherDimensionNumbers(
+        offset_dims=tuple(range(rows.ndim - 1)), collapsed_slice_dims=(0,), start_index_map=(0,)
+    )
+    mode = jax.lax.GatherScatterMode.PROMISE_IN_BOUNDS
+    return jax.lax.gather(rows, jax.lax.expand_dims(index, (0,)), numbers, (1, *rows.shape[1:]), mode=mode)
 
 
 @eqx.filter_jit
-def map_points(
-    function: Callable[..., Result], shape: Any, *parameters: Array, chunk: int | None = None
-) -> Result:
+def map_points(function: Callable[..., Result], shape: Any, *parameters: Array, chunk: int | None = None) -> Result:
     """Apply `function(shape, *parameters)`, written for one point, to broadcast arrays of parameters.
 
     More than `chunk` points are worked on in chunks of at most that size, so that temporaries stay in the
@@ -79,9 +81,7 @@ def map_points(
         result = one_chunk(*flat)
     else:
         chunk = -(-count // chunks)
-        padded = [
-            jnp.pad(array, (0, chunks * chunk - count), mode="edge").reshape(chunks, chunk) for array in flat
-        ]
+        padded = [jnp.pad(array, (0, chunks * chunk - count), mode="edge").reshape(chunks, chunk) for array in flat]
         body = jax.checkpoint(lambda p: one_chunk(*p))
         stacked = jax.lax.map(body, padded)
         result = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:])[:count], stacked)

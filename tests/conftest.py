@@ -7,5 +7,5 @@ jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
-with install_import_hook("jaxsurf", "beartype.beartype"):
-    import jaxsurf  # noqa: F401
+# For good, since some rooms are imported at their first use; an int will do where a float is expected.
+install_import_hook("jaxsurf", "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))")

@@ -109,16 +109,17 @@ def span_polynomials(
     start, end = near[:, degree - 1], near[:, degree]
     middle = (start + end) / 2
     scale = divide(jnp.full_like(start, 2), end - start)
-    places = (near - middle[:, None]) * scale[:, None]
-    # The NURBS Book, A2.2, on arrays (span, function, power): a factor t moves the coefficients up by one.
+    # The NURBS Book, A2.2, on arrays (span, function, power). With one margin of zeros the compiler makes one loop
+    # of each level; a pad for every term would be five.
+    places = jnp.pad((near - middle[:, None]) * scale[:, None], ((0, 0), (1, 1)))[:, :, None]
     values = jnp.ones((spans, 1, 1), knots.dtype)
-    for d in range(1, degree + 1):
-        left, right = places[:, degree - d : degree, None], places[:, degree : degree + d, None]
-        share = divide(values, right - left)
-        times_one = jnp.pad(share, ((0, 0), (0, 0), (0, 1)))
-        times_t = jnp.pad(share, ((0, 0), (0, 0), (1, 0)))
-        falling, rising = right * times_one - times_t, times_t - left * times_one
-        values = jnp.pad(falling, ((0, 0), (0, 1), (0, 0))) + jnp.pad(rising, ((0, 0), (1, 0), (0, 0)))
+    p = degree
+    for d in range(1, p + 1):
+        left, right = places[:, p - d + 1 : p + 1], places[:, p + 1 : p + 1 + d]
+        share = jnp.pad(divide(values, right - left), ((0, 0), (1, 1), (1, 1)))
+        own, other = share[:, 1:], share[:, :-1]  # of the function itself, and of the one before it
+        left, right = places[:, p - d : p + 1], places[:, p + 1 : p + 2 + d]
+        values = (right * own[:, :, 1:] - own[:, :, :-1]) + (other[:, :, :-1] - left * other[:, :, 1:])
     return middle, scale, [values[:, :, power] for power in range(degree + 1)]
 
 

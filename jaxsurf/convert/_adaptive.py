@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.interpolate import BSpline, make_interp_spline
 
 DENSITY = 3
 """Places per interpolation site, at least, at which the error is measured."""
@@ -19,6 +18,8 @@ def interpolation(
     knots: Float[np.ndarray, "k"], degree: int, values: Float[np.ndarray, "n *d"]
 ) -> Float[np.ndarray, "n *d"]:
     """Control data of the spline with `values` at the Greville abscissae of `knots`, by one banded solve."""
+    from scipy.interpolate import make_interp_spline  # half a second, only when it is needed
+
     return make_interp_spline(sites(knots, degree), values, degree, t=knots, axis=0).c
 
 
@@ -52,6 +53,8 @@ def span_errors(
     knots: np.ndarray, degree: int, control: np.ndarray, where: np.ndarray, exact: np.ndarray
 ) -> Float[np.ndarray, "m"]:
     """Largest distance between spline and `exact` (m, ..., 3) at each place."""
+    from scipy.interpolate import BSpline
+
     off = np.linalg.norm(BSpline(knots, control, degree, axis=0)(where) - exact, axis=-1)
     return off.reshape(len(where), -1).max(axis=1)
 

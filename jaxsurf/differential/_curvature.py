@@ -8,8 +8,8 @@ from jaxtyping import Array, Float
 from .._array import Numbers, as_float, eps
 from .._safe import arctan2, divide, norm, unit
 from ..surface import AbstractSurface
-from ._normal import cross_product, inward_way, is_degenerate, normal_at, where_degenerate
-from ._partials import Partials, second_partials_at
+from ._normal import inward_way, is_degenerate, normal_at, quick_partials_at, where_degenerate
+from ._partials import Partials, Partials2, second_partials_at
 
 
 class Curvature(eqx.Module):
@@ -49,17 +49,21 @@ def _direct_at(surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""
     # Without the barriers here and below the compiler works everything out anew for each result, 5 times as slow.
     second = jax.lax.optimization_barrier(second_partials_at(surface, u, v))
     first = Partials(second.point, second.u, second.v)
-    n = unit(cross_product(first))
-    along = unit(first.u)
+    return _from_matrix(*_matrix(second)), is_degenerate(surface, first)
+
+
+def _matrix(second: Partials2) -> tuple[Array, Array, Array, Array, Array]:
+    """An orthonormal tangent frame, its first vector along S_u, and p, q, r of the second form in it."""
+    n = unit(jnp.cross(second.u, second.v))
+    along = unit(second.u)
     across = jnp.cross(n, along)
     # S_u = l·along, S_v = f·along + g·across: the second form in this frame by two substitutions
-    l, f, g = norm(first.u), jnp.sum(first.v * along), jnp.sum(first.v * across)
+    l, f, g = norm(second.u), jnp.sum(second.v * along), jnp.sum(second.v * across)
     uu, uv, vv = (jnp.sum(s * n) for s in (second.uu, second.uv, second.vv))
     p = divide(uu, l * l)
-    shear = divide(uv, l) - f * p
-    q = divide(shear, g)
+    q = divide(divide(uv, l) - f * p, g)
     r = divide(vv - 2 * f * divide(uv, l) + f * f * p, g * g)
-    return _from_matrix(along, across, p, q, r), is_degenerate(surface, first)
+    return along, across, p, q, r
 
 
 def _from_matrix(
@@ -87,9 +91,14 @@ def _limit_at(surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]
     step_u, step_v = inward_way(surface, u, v)
     # Round-off grows like eps / distance², the error of the extrapolation like distance⁵.
     steps = eps(u.dtype) ** (1 / 5) * jnp.arange(1, 6, dtype=u.dtype)
-    near = jax.vmap(lambda t: curvature_at(surface, u + t * step_u, v + t * step_v))(steps)
+
+    def shape_tensor(t: Float[Array, ""]) -> Float[Array, "3 3"]:
+        along, across, p, q, r = _matrix(quick_partials_at(surface, u + t * step_u, v + t * step_v))
+        frame = jnp.stack([along, across])
+        return frame.T @ jnp.stack([jnp.stack([p, q]), jnp.stack([q, r])]) @ frame
+
     weights = jnp.asarray([5, -10, 10, -5, 1], u.dtype)
-    tensor = jnp.einsum("t,tk,tki,tkj->ij", weights, near.principal, near.directions, near.directions)
+    tensor = jnp.tensordot(weights, jax.vmap(shape_tensor)(steps), axes=1)
     n = normal_at(surface, u, v)
     axes = jnp.eye(3, dtype=n.dtype)
     along = unit(jnp.cross(n, axes[jax.lax.stop_gradient(jnp.argmin(jnp.abs(n)))]))

@@ -10,7 +10,8 @@ from jaxtyping import Array, Float
 from .._array import Numbers, as_float, concrete, eps, is_concrete, map_points
 from .._safe import divide, norm, unit
 from ..surface import AbstractSurface
-from ._partials import PARTIALS_CHUNK, Partials, partials_at, second_partials_at
+from ._jets import jet
+from ._partials import PARTIALS_CHUNK, Partials, Partials2, partials_at
 
 Result = TypeVar("Result")
 
@@ -89,11 +90,17 @@ def inward_way(
     return jax.lax.stop_gradient(way_u), jax.lax.stop_gradient(way_v)
 
 
+def quick_partials_at(surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]) -> Partials2:
+    """`second_partials_at` for the few degenerate points: quick to compile instead of quick to run."""
+    found = jet(surface, (u, v), 2)
+    return Partials2(found[0, 0], found[1, 0], found[0, 1], found[2, 0], found[1, 1], found[0, 2])
+
+
 def _slopes(
     surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""]
 ) -> tuple[Float[Array, "3"], Float[Array, "3"], Float[Array, "3"]]:
     """C = S_u × S_v and its partial derivatives."""
-    second = second_partials_at(surface, u, v)
+    second = quick_partials_at(surface, u, v)
     by_u = jnp.cross(second.uu, second.v) + jnp.cross(second.u, second.uv)
     by_v = jnp.cross(second.uv, second.v) + jnp.cross(second.u, second.vv)
     return jnp.cross(second.u, second.v), by_u, by_v

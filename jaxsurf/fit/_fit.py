@@ -173,10 +173,14 @@ def _check(
 
 
 def _faint(shape: Any) -> float:
-    """A bending weight that takes 10⁻⁶ off a ripple of two spans' wavelength (attenuation = α (π · spans)⁴)."""
+    """A bending weight that takes 10⁻⁴ off a ripple of two spans' wavelength (attenuation = α (π · spans)⁴).
+
+    On a 6 × 6 net and 600 points with noise the surface is then 0.3 of the noise off; at 10⁻⁶ the net folds into the
+    noise and is up to 1.7 of it off, at 10⁻² exact points are missed by 3·10⁻⁴ of the sheet's size.
+    """
     if not isinstance(shape, BSplineSurface):
         return 0.0
-    return faint_bending(max(shape.control_points.shape[:2]), 1e-6)
+    return faint_bending(max(shape.control_points.shape[:2]), 1e-4)
 
 
 def faint_bending(count: int, attenuation: float) -> float:

@@ -5,8 +5,8 @@ from jaxtyping import Float
 
 
 def to_segment(
-    point: Float[np.ndarray, "*n 3"], start: Float[np.ndarray, "*n 3"], end: Float[np.ndarray, "*n 3"]
-) -> Float[np.ndarray, "*n"]:
+    point: Float[np.ndarray, "*#n d"], start: Float[np.ndarray, "*#n d"], end: Float[np.ndarray, "*#n d"]
+) -> Float[np.ndarray, "..."]:
     """Distance from each point to its segment; a segment without length is a point. The arrays broadcast."""
     along, offset = end - start, point - start
     square = np.sum(along * along, axis=-1)

@@ -42,7 +42,7 @@ def chordal_errors(
 
 def sound_faces(
     vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"], smallest: float
-) -> Int[np.ndarray, "m 3"]:
+) -> Int[np.ndarray, "f 3"]:
     """The faces whose smallest height exceeds `smallest`: of a cell at a pole one is left."""
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     twice_area = np.linalg.norm(np.cross(b - a, c - a), axis=-1)

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 
 
 def inside(
-    points: Float[np.ndarray, "n 2"], polygons: Sequence[Float[np.ndarray, "k 2"]]
+    points: Float[np.ndarray, "n 2"], polygons: Sequence[np.ndarray]
 ) -> Bool[np.ndarray, "n"]:
     """Whether each point lies inside an odd number of the polygons (the last corner joins the first)."""
     odd = np.zeros(len(points), dtype=bool)
@@ -20,6 +20,6 @@ def inside(
     return odd
 
 
-def segments(polygons: Sequence[Float[np.ndarray, "k 2"]]) -> Float[np.ndarray, "s 2 2"]:
+def segments(polygons: Sequence[np.ndarray]) -> Float[np.ndarray, "s 2 2"]:
     """All sides of all polygons, first to last corner of each."""
     return np.concatenate([np.stack([p, np.roll(p, -1, axis=0)], axis=1) for p in polygons])

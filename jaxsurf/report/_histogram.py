@@ -34,7 +34,7 @@ def histogram_svg(deviations: Float[np.ndarray, "n"], unit: str) -> str:
         y = _y(level, top)
         parts.append(f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>')
         parts.append(f'<text x="{LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{readable(int(level))}</text>')
-    for count, start, end in zip(counts, edges[:-1], edges[1:], strict=True):
+    for count, start, end in zip(counts.tolist(), edges[:-1], edges[1:], strict=True):
         x, width = _x(start, reach), _x(end, reach) - _x(start, reach)
         side = "below" if end <= reach * 1e-12 else "above"
         tip = f"{readable(float(start))} to {readable(float(end))} {unit}: {readable(int(count))}"

@@ -11,7 +11,7 @@ from typing import Literal
 
 from .._errors import InputError, MissingPackageError, import_optional
 
-Backend = Literal["auto", "pyvista", "matplotlib"]
+Backend = str  # one of "auto", "pyvista", "matplotlib"; checked at the door
 BACKENDS = ("auto", "pyvista", "matplotlib")
 WINDOW_VARIABLE = "VTK_DEFAULT_OPENGL_WINDOW"
 NATIVE = ""  # the window class that VTK takes by itself

@@ -1,0 +1,185 @@
+"""Medians of interleaved repeats, figures to reach, and the tables made of them."""
+
+import json
+import os
+import platform
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any, NamedTuple
+
+PACKAGES = ("jaxsurf", "jax", "numpy", "scipy", "splinepy", "splipy", "ndsplines", "geomdl")
+
+
+class Run(NamedTuple):
+    """What is timed: a call that ends when its result is there, and how many items it works on."""
+
+    call: Callable[[], Any]
+    items: int = 1
+
+
+class Figure(NamedTuple):
+    """What is to be reached.
+
+    kind: "faster": `ours` does at least `bound` times the items per second of `other`; "at most": it takes at
+    most `bound` times the time; "more": at most `bound` seconds more.
+    """
+
+    kind: str
+    ours: str
+    other: str
+    bound: float
+
+
+class Row(NamedTuple):
+    """One task, done by several; the value of `runs` is None for what is not installed."""
+
+    what: str
+    runs: dict[str, Run | None]
+    figures: Sequence[Figure]
+
+
+def run(rows: Sequence[Row], repeats: int) -> dict[str, Any]:
+    """Time all rows; within a row the runs take turns, so that a busy moment hits all of them."""
+    return {"machine": machine(), "repeats": repeats, "rows": [_run_row(row, repeats) for row in rows]}
+
+
+def machine() -> dict[str, Any]:
+    """The processor, the cores that may be used, and the versions of everything that takes part."""
+    versions = {}
+    for package in PACKAGES:
+        try:
+            versions[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            versions[package] = None
+    return {
+        "processor": _processor(),
+        "cores": cores(),
+        "system": platform.system(),
+        "python": platform.python_version(),
+        "versions": versions,
+    }
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def write(path: Path, report: dict[str, Any]) -> None:
+    """Keep the numbers as JSON."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(report, indent=1) + "\n")
+
+
+def read(path: Path) -> dict[str, Any]:
+    """The numbers of the last run."""
+    if not path.exists():
+        raise SystemExit(f"{path} is not there yet: run `python -m benchmarks {path.stem}` first.")
+    return json.loads(path.read_text())
+
+
+def table(report: dict[str, Any]) -> str:
+    """A Markdown table: a line for every figure, and the machine."""
+    machine = report["machine"]
+    versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items() if version)
+    lines = [
+        "| what | time | first call | figure | reached | holds |",
+        "|---|---|---|---|---|---|",
+    ]
+    for row in report["rows"]:
+        times = "<br>".join(f"{label}: {_time(run)}" for label, run in row["runs"].items())
+        first = "<br>".join(
+            f"{label}: {run['first']:.2g} s"
+            for label, run in row["runs"].items()
+            if run and label in {f["ours"] for f in row["figures"]}
+        )
+        for i, figure in enumerate(row["figures"]):
+            what = (row["what"], times, first) if i == 0 else ("", "", "")
+            lines.append("| " + " | ".join([*what, _goal(figure), _reached(figure), _holds(figure)]) + " |")
+    repeats = f"Medians of {report['repeats']} interleaved repeats, without the first call"
+    lines += ["", f"{repeats}; {machine['processor']}, {machine['cores']} cores; {versions}."]
+    return "\n".join(lines)
+
+
+def refresh(readme: Path, name: str, report: dict[str, Any]) -> bool:
+    """Rewrite the block between `<!-- benchmark:name -->` and `<!-- /benchmark -->`; whether there is one."""
+    start, end = f"<!-- benchmark:{name} -->", "<!-- /benchmark -->"
+    text = readme.read_text() if readme.exists() else ""
+    before, found, rest = text.partition(start)
+    _, closed, after = rest.partition(end)
+    if not found or not closed:
+        return False
+    readme.write_text(f"{before}{start}\n{table(report)}\n{end}{after}")
+    return True
+
+
+def _run_row(row: Row, repeats: int) -> dict[str, Any]:
+    times: dict[str, list[float]] = {}
+    first = {label: _timed(run.call) for label, run in row.runs.items() if run}
+    for _ in range(repeats):
+        for label, run in row.runs.items():
+            if run:
+                times.setdefault(label, []).append(_timed(run.call))
+    runs = {
+        label: run
+        and {
+            "seconds": statistics.median(times[label]),
+            "fastest": min(times[label]),
+            "first": first[label],
+            "items": run.items,
+        }
+        for label, run in row.runs.items()
+    }
+    return {"what": row.what, "runs": runs, "figures": [_judge(figure, runs) for figure in row.figures]}
+
+
+def _judge(figure: Figure, runs: dict[str, Any]) -> dict[str, Any]:
+    ours, other = runs[figure.ours], runs[figure.other]
+    judged = {**figure._asdict(), "reached": None, "holds": None}
+    if ours is None or other is None:
+        return judged
+    a, b = ours["seconds"] / ours["items"], other["seconds"] / other["items"]
+    reached = {"faster": b / a, "at most": a / b, "more": a - b}[figure.kind]
+    holds = reached >= figure.bound if figure.kind == "faster" else reached <= figure.bound
+    return {**judged, "reached": reached, "holds": holds}
+
+
+def _timed(call: Callable[[], Any]) -> float:
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
+
+
+def _processor() -> str:
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        for line in cpuinfo.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def _time(run: dict[str, Any] | None) -> str:
+    if run is None:
+        return "not installed"
+    milliseconds = f"{1e3 * run['seconds']:.3g} ms"
+    rate = run["items"] / run["seconds"] / 1e6
+    return milliseconds if run["items"] == 1 else f"{milliseconds} ({rate:.3g} M/s)"
+
+
+def _goal(figure: dict[str, Any]) -> str:
+    pattern = {"faster": "≥ {:g} × {}", "at most": "≤ {:g} × {}", "more": "≤ {:g} s more than {}"}
+    return pattern[figure["kind"]].format(figure["bound"], figure["other"])
+
+
+def _reached(figure: dict[str, Any]) -> str:
+    if figure["reached"] is None:
+        return "absent"
+    return f"{figure['reached']:.2g}" + (" s" if figure["kind"] == "more" else " ×")
+
+
+def _holds(figure: dict[str, Any]) -> str:
+    return {None: "–", True: "yes", False: "**no**"}[figure["holds"]]
