@@ -1,6 +1,7 @@
 """Rooms that `import jaxsurf` leaves for their first use: files, triangles, pictures and reports."""
 
 import importlib
+import sys
 from typing import Any
 
 _ROOMS = ("io", "mesh", "report", "view")
@@ -17,6 +18,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    import jaxsurf
-
-    return sorted({*vars(jaxsurf), *_ROOMS, *_NAMES})
+    return sorted({*vars(sys.modules["jaxsurf"]), *_ROOMS, *_NAMES})

@@ -1,5 +1,3 @@
-from ..curve._breaks import breaks as breaks
-from ..surface import _breaks as _breaks
 from ._arc_length import equally_spaced as equally_spaced, parameter_at_length as parameter_at_length
 from ._curvature import Curvature as Curvature, curvature as curvature, curvature_at as curvature_at
 from ._curves import (

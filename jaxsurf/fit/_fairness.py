@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from .. import _safe
 from ..basis import BSplineBasis
-from ..curve import AbstractCurve
+from ..curve import AbstractCurve, BSplineCurve, NURBSCurve
 from ..differential import basis_derivatives, jet
 from ..surface import AbstractSurface, BSplineSurface
 from ._bending import span_nodes
@@ -105,7 +105,7 @@ def _curve_variation(c1: Array, c2: Array, c3: Array) -> Array:
 
 
 def _curve_nodes(shape: Any) -> tuple[Array, Array]:
-    if hasattr(shape, "basis"):
+    if isinstance(shape, BSplineCurve | NURBSCurve):
         return span_nodes(shape.basis, _NODES + 1)
     a, b = shape.domain
     knots = a + (b - a) * jnp.linspace(0, 1, 33, dtype=shape.dtype)

@@ -8,8 +8,8 @@ from jaxtyping import Float
 
 from .._array import eps
 from ..curve import AbstractCurve
-from ..differential import breaks, normal, partials
-from ..surface import AbstractSurface
+from ..differential import normal, partials
+from ..surface import AbstractSurface, breaks
 
 CHUNK = 4096
 PARALLEL = 1e-6  # partials with a smaller sine between them do not give a normal by themselves

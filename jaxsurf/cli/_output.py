@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ._atomic import check_writable
-from ._errors import InputError, import_optional
+from .._atomic import check_writable
+from .._errors import InputError, import_optional
 
 _CAD = (".step", ".stp", ".iges", ".igs", ".3dm")
 _MESH = (".stl", ".obj", ".ply", ".glb")
@@ -18,7 +18,7 @@ def check_targets(options: argparse.Namespace) -> None:
     """Refuse outputs that could not be written, and name missing packages, before any work begins."""
     if not (options.output or options.report or options.picture or options.save):
         raise InputError("Nothing to write: give -o FILE, --report, --picture or --save.")
-    from .io import check_unit
+    from ..io import check_unit
 
     check_unit(options.unit)
     for target in options.output:
@@ -56,8 +56,8 @@ def check_targets(options: argparse.Namespace) -> None:
 
 def write_all(options: argparse.Namespace, found: Any, points: np.ndarray, seconds: float) -> list[str]:
     """Write every file that was asked for; returns their names."""
-    from .fit import side_lengths, trim_to_cloud
-    from .io import save
+    from ..fit import side_lengths, trim_to_cloud
+    from ..io import save
 
     shape = found.shape
     if options.trim:
@@ -79,8 +79,8 @@ def write_all(options: argparse.Namespace, found: Any, points: np.ndarray, secon
 
 
 def _write_shape(target: str, shape: Any, unit: str) -> None:
-    from . import io
-    from .mesh import tessellate
+    from .. import io
+    from ..mesh import tessellate
 
     suffix = Path(target).suffix.lower()
     if suffix in (".step", ".stp"):
@@ -99,7 +99,7 @@ def _write_shape(target: str, shape: Any, unit: str) -> None:
 def _deviation_picture(
     found: Any, points: np.ndarray, unit: str, shape: Any, path: str | None = None
 ) -> np.ndarray:
-    from .view import deviation
+    from ..view import deviation
 
     return deviation(shape, found.foot.parameters, found.deviation.signed, points, unit=unit, path=path)
 
@@ -172,8 +172,8 @@ def summary_lines(
 def _write_report(
     options: argparse.Namespace, found: Any, points: np.ndarray, shape: Any, seconds: float
 ) -> None:
-    from .report import Report, Table, provenance, write_report
-    from .view import png_bytes, shade
+    from ..report import Report, Table, provenance, write_report
+    from ..view import png_bytes, shade
 
     history = Table(
         "Refinement",

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from types import FrameType
 
-from ._progress import Event, Progress
+from .._progress import Event, Progress
 
 _SLOW = 15.0  # seconds between lines where there is no terminal to redraw
 
@@ -69,7 +69,7 @@ class _Bar:
     """A bar for each phase; it is full at the most steps that the phase may take, and usually ends before."""
 
     def __init__(self):
-        from ._errors import import_optional
+        from .._errors import import_optional
 
         self.tqdm = import_optional("tqdm", extra="app", purpose="the progress bar").tqdm
         self.phase, self.bar = None, None

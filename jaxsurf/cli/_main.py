@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from ._errors import InputError
+from .._errors import InputError
 
 _FAILED = 2
 _INTERRUPTED = 130
@@ -113,7 +113,7 @@ def _pair(text: str) -> tuple[int, int]:
 
 
 def _fit(options: argparse.Namespace) -> int:
-    from . import _command_output as output
+    from . import _output as output
 
     begun = time.perf_counter()
     output.check_targets(options)
@@ -122,8 +122,8 @@ def _fit(options: argparse.Namespace) -> int:
     jax.config.update("jax_enable_x64", True)
     keep_compilations()
     from ._progress_bar import watching
-    from .fit import fit_cloud
-    from .io import read_points
+    from ..fit import fit_cloud
+    from ..io import read_points
 
     points = read_points(options.cloud)
     with watching(quiet=options.quiet) as progress:
@@ -169,7 +169,7 @@ def keep_compilations() -> None:
 def _bench(options: argparse.Namespace) -> int:
     import runpy
 
-    folder = Path(__file__).resolve().parent.parent / "benchmarks"
+    folder = Path(__file__).resolve().parents[2] / "benchmarks"
     if not (folder / "__main__.py").is_file():
         raise InputError(
             "`jaxsurf bench` runs the benchmarks of a checkout, and this installation has none: clone the repository and "
@@ -179,7 +179,3 @@ def _bench(options: argparse.Namespace) -> int:
     sys.argv = ["jaxsurf bench", *options.names]
     runpy.run_module("benchmarks", run_name="__main__")
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
