@@ -8,7 +8,6 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 import jaxsurf as js
@@ -42,24 +41,25 @@ def make(name: str) -> Case:
     return CASES[name](np.random.default_rng(sum(name.encode())))
 
 
-def parameters(shape: Any) -> tuple[Any, ...]:
-    """Places amid the spans between breaks, every span at least once; broadcast arrays, one per direction."""
+def parameters(shape: Any) -> tuple[np.ndarray, ...]:
+    """Places amid the spans between breaks, every span at least once: an array for each direction, equally long."""
     rng = np.random.default_rng(7)
-    directions = breaks(shape)
-    if not isinstance(directions, tuple):
-        directions = (directions,)
-    places = [a + rng.uniform(0.2, 0.8, len(a)) * b for a, b in ((d[:-1], np.diff(d)) for d in directions)]
-    count = max(len(p) for p in places)
-    return tuple(jnp.asarray(rng.permutation(np.resize(p, count))) for p in places)
+    places = [a + rng.uniform(0.2, 0.8, len(a)) * b for a, b in ((d[:-1], np.diff(d)) for d in _breaks(shape))]
+    return tuple(rng.permutation(np.resize(p, max(len(p) for p in places))) for p in places)
 
 
-def corners(shape: Any) -> tuple[Any, ...]:
-    """The ends of the domain and all breaks: one array for a curve, all pairs for a surface."""
+def corners(shape: Any) -> tuple[np.ndarray, ...]:
+    """Nine places at the ends of the domain and at breaks: all pairs of three for a surface."""
+    directions = _breaks(shape)
+    if len(directions) == 1:
+        return (np.resize(directions[0], 9),)
+    pairs = np.meshgrid(*(d[[0, len(d) // 2, -1]] for d in directions), indexing="ij")
+    return tuple(grid.reshape(-1) for grid in pairs)
+
+
+def _breaks(shape: Any) -> tuple[np.ndarray, ...]:
     directions = breaks(shape)
-    if not isinstance(directions, tuple):
-        return (jnp.asarray(directions),)
-    u, v = (np.unique(np.asarray(d)[[0, len(d) // 2, -1]]) for d in directions)
-    return tuple(jnp.asarray(grid.reshape(-1)) for grid in np.meshgrid(u, v, indexing="ij"))
+    return tuple(np.asarray(d) for d in (directions if isinstance(directions, tuple) else (directions,)))
 
 
 def clamped(degree: int, *inner: float) -> np.ndarray:

@@ -38,19 +38,20 @@ def test_every_registered_shape_has_a_case():
 
 
 def test_eager_jit_and_vmap_agree(shape):
-    places = parameters(shape)
+    places, other = parameters(shape), _disturbed(shape)
     points = shape(*places)
     assert points.shape == (*places[0].shape, points.shape[-1])
-    size = float(jnp.ptp(points))
-    close = lambda a, b: np.testing.assert_allclose(a, b, rtol=0, atol=1e-13 * size + 1e-13)
-    with jax.disable_jit():
-        close(type(shape).point(shape, *(p[0] for p in places)), points[0])
-    close(eqx.filter_jit(lambda s, p: s(*p))(shape, places), points)
-    close(jax.vmap(lambda *p: shape(*p))(*places), points)
-    other = _disturbed(shape)
-    pair = jax.tree.map(lambda a, b: jnp.stack([a, b]) if eqx.is_inexact_array(a) else a, shape, other)
-    both = eqx.filter_vmap(lambda s, p: s(*p), in_axes=(eqx.if_array(0), None))(pair, places)
-    close(both, jnp.stack([points, other(*places)]))
+
+    @eqx.filter_jit
+    def under(shape, pair, places):
+        each = jax.vmap(lambda *p: shape(*p))(*places)
+        both = eqx.filter_vmap(lambda s, p: s(*p), in_axes=(eqx.if_array(0), None))(pair, places)
+        return shape(*places), each, both
+
+    pair = jax.tree.map(lambda a, b: np.stack([a, b]) if eqx.is_inexact_array(a) else a, shape, other)
+    jitted, each, both = under(shape, pair, places)
+    for found, wanted in ((jitted, points), (each, points), (both[0], points), (both[1], other(*places))):
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13 * float(np.max(np.abs(wanted))))
 
 
 def test_forward_reverse_and_difference_agree(shape):
@@ -58,37 +59,42 @@ def test_forward_reverse_and_difference_agree(shape):
     places = parameters(shape)
     data, static = eqx.partition(shape, eqx.is_inexact_array)
 
-    @jax.jit
     def value(data):
         points = eqx.combine(data, static)(*places)
         return jnp.mean(jnp.sin(points)) + jnp.mean(points**2) / 8
 
-    forward = jax.jit(lambda data, along: jax.jvp(value, (data,), (along,))[1])
-    leaves, tree = jax.tree.flatten(data)
-    reverse = jax.tree.leaves(jax.jit(jax.grad(value))(data))
+    @jax.jit
+    def slopes(data, along):
+        pulled = jax.tree.map(lambda g, a: jnp.sum(g * a), jax.grad(value)(data), along)
+        return jax.jvp(value, (data,), (along,))[1], sum(jax.tree.leaves(pulled))
+
+    at = jax.jit(value)
+    leaves, tree = jax.tree.flatten(jax.tree.map(np.asarray, data))
     rng = np.random.default_rng(3)
     for i, leaf in enumerate(leaves):
-        along = [jnp.zeros_like(other) for other in leaves]
-        along[i] = jnp.asarray(rng.normal(size=leaf.shape))
-        pushed = forward(data, tree.unflatten(along))
-        pulled = jnp.sum(reverse[i] * along[i])
-        step = lambda h, i=i, along=along: value(tree.unflatten([*leaves[:i], leaves[i] + h * along[i], *leaves[i + 1 :]]))
-        difference = _slope(step, 1e-4)
+        along = [np.zeros_like(other) for other in leaves]
+        along[i] = rng.normal(size=leaf.shape)
+        moved = lambda h, along=along: tree.unflatten([x + h * a for x, a in zip(leaves, along, strict=True)])
+        pushed, pulled = slopes(data, tree.unflatten(along))
         np.testing.assert_allclose(pushed, pulled, rtol=1e-10, atol=1e-12)
-        np.testing.assert_allclose(pulled, difference, rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(pulled, _slope(lambda h, m=moved: at(m(h)), 1e-4), rtol=1e-6, atol=1e-8)
 
 
 def test_vmap_and_jvp_commute(shape):
     places = parameters(shape)
     data, static = eqx.partition(shape, eqx.is_inexact_array)
     rng = np.random.default_rng(5)
-    along = jax.tree.map(lambda leaf: jnp.asarray(rng.normal(size=leaf.shape)), data)
+    along = jax.tree.map(lambda leaf: rng.normal(size=leaf.shape), data)
     point = lambda data, *p: type(shape).point(eqx.combine(data, static), *p)
-    ones = tuple(jnp.ones_like(p) for p in places)
     axes = (None, *(0 for _ in places))
-    outer_jvp = jax.jvp(jax.vmap(point, in_axes=axes), (data, *places), (along, *ones))[1]
-    outer_vmap = jax.vmap(lambda *p: jax.jvp(point, (data, *p), (along, *(jnp.ones_like(q) for q in p)))[1])(*places)
-    np.testing.assert_allclose(outer_jvp, outer_vmap, rtol=1e-12, atol=1e-12)
+
+    @jax.jit
+    def both(data, along, *places):
+        inner = lambda *p: jax.jvp(point, (data, *p), (along, *map(jnp.ones_like, p)))[1]
+        outside = jax.jvp(jax.vmap(point, axes), (data, *places), (along, *map(jnp.ones_like, places)))[1]
+        return outside, jax.vmap(inner)(*places)
+
+    np.testing.assert_allclose(*both(data, along, *places), rtol=1e-12, atol=1e-12)
 
 
 def test_types_follow_the_control_data(shape):
@@ -98,23 +104,21 @@ def test_types_follow_the_control_data(shape):
     single = jax.tree.map(lambda a: a.astype(jnp.float32) if eqx.is_inexact_array(a) else a, shape)
     points = single(*places)
     assert points.dtype == single.dtype == jnp.float32
-    assert single.derivative(*places).dtype == jnp.float32
-    np.testing.assert_allclose(points, exact, rtol=0, atol=2e-5 * float(jnp.max(jnp.abs(exact))))
-    if isinstance(shape, AbstractSurface):
-        assert single.grid(*places).dtype == jnp.float32
+    np.testing.assert_allclose(points, exact, rtol=0, atol=2e-5 * float(np.max(np.abs(exact))))
+    verbs = [single.derivative] + ([single.grid] if isinstance(shape, AbstractSurface) else [])
+    assert {jax.eval_shape(verb, *places).dtype for verb in verbs} == {np.dtype(np.float32)}
 
 
 def test_new_values_are_not_traced_again(shape):
     traces = []
 
     @eqx.filter_jit
-    def points(shape, places):
+    def first(shape):
         traces.append(None)
-        return shape(*places)
+        return jax.tree.leaves(shape)[0]
 
-    places = parameters(shape)
-    points(shape, places)
-    points(_disturbed(shape), tuple(p + 0.01 for p in places))
+    first(shape)
+    first(_disturbed(shape))
     assert len(traces) == 1
 
 
@@ -122,30 +126,33 @@ def test_grid_is_the_points(shape):
     if isinstance(shape, AbstractCurve):
         pytest.skip("curves have no grid")
     u, v = parameters(shape)
-    v = v[:-1]
-    points = shape(u[:, None], v[None, :])
-    np.testing.assert_allclose(shape.grid(u, v), points, rtol=1e-13, atol=1e-13)
+    grid, points = np.asarray(shape.grid(u, v[:-1])), np.asarray(shape(u, v))[:-1]
+    assert grid.shape == (len(u), len(v) - 1, 3)
+    np.testing.assert_allclose(grid[np.arange(len(points)), np.arange(len(points))], points, rtol=1e-13, atol=1e-13)
 
 
 def test_derivatives_are_slopes_of_lower_ones(shape):
+    curve = isinstance(shape, AbstractCurve)
+    chain = [(0,), (1,), (2,), (3,), (4,)] if curve else [(0, 0), (1, 0), (1, 1), (1, 2), (2, 2)]
+    axes = [0, 0, 0, 0] if curve else [0, 1, 1, 0]
+
+    @eqx.filter_jit
+    def derivatives(shape, places):
+        return [shape.derivative(*places, order[0] if curve else order) for order in chain]
+
     places = parameters(shape)
-    if isinstance(shape, AbstractCurve):
-        chain = [((k - 1,), (k,)) for k in (1, 2, 3, 4)]
-    else:
-        chain = [((0, 0), (1, 0)), ((1, 0), (1, 1)), ((1, 1), (1, 2)), ((1, 2), (2, 2))]
-    for lower, higher in chain:
-        axis = next(i for i, (a, b) in enumerate(zip(lower, higher, strict=True)) if a != b)
-        at = lambda h, lower=lower, axis=axis: _derivative(
-            shape, [p + h if i == axis else p for i, p in enumerate(places)], lower
-        )
-        slope, derived = _slope(at, 1e-3), _derivative(shape, places, higher)
-        np.testing.assert_allclose(derived, slope, rtol=1e-6, atol=1e-6 * (1 + float(jnp.max(jnp.abs(derived)))))
+    along = lambda axis, h: derivatives(shape, tuple(p + h * (i == axis) for i, p in enumerate(places)))
+    slopes = {axis: _slopes(lambda h, axis=axis: along(axis, h), 1e-3) for axis in set(axes)}
+    exact = derivatives(shape, places)
+    np.testing.assert_allclose(exact[0], shape(*places), rtol=1e-13, atol=1e-13)
+    for k, axis in enumerate(axes):
+        scale = 1 + float(np.max(np.abs(exact[k + 1])))
+        np.testing.assert_allclose(exact[k + 1], slopes[axis][k], rtol=0, atol=1e-6 * scale)
 
 
 def test_gradients_are_finite_at_ends_and_breaks_and_on_degenerate_data(case):
     for kind, shape in {"": case.shape, **case.degenerate}.items():
-        places = corners(shape)
-        value, gradient = _value_and_gradient((shape, places))
+        value, gradient = _value_and_gradient((shape, corners(shape)))
         finite = [np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves((value, gradient))]
         assert all(finite), (kind, value, gradient)
 
@@ -178,10 +185,12 @@ def _disturbed(shape):
     return jax.tree.map(lambda a: a * 1.001 if eqx.is_inexact_array(a) else a, shape)
 
 
-def _derivative(shape, places, order):
-    return shape.derivative(*places, order if len(order) > 1 else order[0])
-
-
 def _slope(f, h):
     """Central difference of the fourth order."""
     return (8 * (f(h) - f(-h)) - (f(2 * h) - f(-2 * h))) / (12 * h)
+
+
+def _slopes(f, h):
+    """`_slope` of a function with several results."""
+    values = [[np.asarray(x) for x in f(step)] for step in (h, -h, 2 * h, -2 * h)]
+    return [(8 * (a - b) - (c - d)) / (12 * h) for a, b, c, d in zip(*values, strict=True)]

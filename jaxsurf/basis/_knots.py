@@ -98,7 +98,7 @@ def extend_periodic(knots: Float[Array, "k"], degree: int) -> Float[Array, "k2"]
 def greville(knots: Float[Array, "k"], degree: int) -> Float[Array, "n"]:
     """Greville abscissae: means of `degree` neighbouring knots, one per control point (Farin, §8.7)."""
     count = knots.shape[0] - degree - 1
-    return sum(knots[1 + i : 1 + i + count] for i in range(degree)) / degree
+    return jnp.mean(jnp.stack([knots[1 + i : 1 + i + count] for i in range(degree)]), axis=0)
 
 
 def _check_count(n: int, degree: int) -> None:

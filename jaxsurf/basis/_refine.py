@@ -34,7 +34,7 @@ def elevation_matrix(
     arguments = jnp.stack([elevated[1 + i : 1 + i + count] for i in range(degree + 1)], axis=1)
     where = greville(elevated, degree + 1)
     leave_one_out = [jnp.delete(arguments, i, axis=1, assume_unique_indices=True) for i in range(degree + 1)]
-    return sum(_blossom(knots, degree, rest, where) for rest in leave_one_out) / (degree + 1)
+    return jnp.mean(jnp.stack([_blossom(knots, degree, rest, where) for rest in leave_one_out]), axis=0)
 
 
 def elevated_knots(knots: Float[Array, "k"], degree: int) -> Float[Array, "k2"]:

@@ -39,8 +39,9 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-_FIT = """Fit a B-spline surface to an unordered, sheet-like point cloud and write it as a CAD file. Points: .xyz .txt .csv .npz
-.npy .ply .stl .obj, and .las .laz .e57 .pcd with the extra `scan`. Ctrl-C stops at the best surface so far and writes that."""
+_FIT = """Fit a B-spline surface to an unordered, sheet-like point cloud and write it as a CAD file. Points: .xyz .txt
+.csv .npz .npy .ply .stl .obj, and .las .laz .e57 .pcd with the extra `scan`. Ctrl-C stops at the best surface so far
+and writes that."""
 
 
 def _add_fit(parser: argparse.ArgumentParser) -> None:
@@ -121,9 +122,9 @@ def _fit(options: argparse.Namespace) -> int:
 
     jax.config.update("jax_enable_x64", True)
     keep_compilations()
-    from ._progress_bar import watching
     from ..fit import fit_cloud
     from ..io import read_points
+    from ._progress_bar import watching
 
     points = read_points(options.cloud)
     with watching(quiet=options.quiet) as progress:

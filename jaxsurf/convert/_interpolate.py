@@ -25,7 +25,7 @@ def interpolate(
     closed: bool | tuple[bool, bool] = False,
     parameters: str | Numbers | tuple[Any, Any] = "chord",
     end_tangents: tuple[Numbers, Numbers] | None = None,
-) -> BSplineCurve | BSplineSurface:
+) -> Any:
     """The B-spline curve through points (n, 3) or (n, 2), the B-spline surface through a grid (n, m, 3).
 
     parameters: the spacing "chord", "centripetal" or "uniform" on [0, 1], or ascending numbers (n,). closed:

@@ -3,12 +3,13 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from .._array import Numbers, as_float, eps, map_points
 from .._errors import InputError
 from .._safe import divide, norm, unit
 from ..curve import AbstractCurve
+from ._jets import jet
 
 
 class FrenetFrame(eqx.Module):
@@ -51,38 +52,40 @@ def frenet_frame(curve: AbstractCurve, u: Numbers) -> FrenetFrame:
 
 
 def _curvature_at(curve: AbstractCurve, u: Float[Array, ""]) -> Float[Array, ""]:
-    first, second = _derivatives(curve, u)[:2]
-    speed = norm(first)
-    turn = jnp.cross(first, second)
-    return divide(turn if first.shape == (2,) else norm(turn), speed**3)
+    point, first, second, _ = _derivatives(curve, u)
+    if point.shape == (2,):
+        return divide(jnp.cross(first, second), norm(first) ** 3)
+    turn, _ = _turn(curve, point, first, second)
+    return divide(norm(turn), norm(first) ** 3)
 
 
 def _frame_at(curve: AbstractCurve, u: Float[Array, ""]) -> FrenetFrame:
-    first, second, third = _derivatives(curve, u)
-    point = curve.point(u)
+    point, first, second, third = _derivatives(curve, u)
+    turn, bent = _turn(curve, point, first, second)
     tangent = unit(first)
-    speed = norm(first)
-    turn = jnp.cross(first, second)
-    # On a straight line C' × C'' is round-off: of C'' itself, and of what C'' is the difference of.
-    start, end = curve.domain
-    bend = norm(second) + speed / (end - start) + norm(point) / (end - start) ** 2
-    bent = norm(turn) > 1024 * eps(u.dtype) * speed * bend
-    turn = jnp.where(bent, turn, 0)
     axis = jnp.eye(3, dtype=u.dtype)[jax.lax.stop_gradient(jnp.argmin(jnp.abs(tangent)))]
     binormal = jnp.where(bent, unit(turn), unit(jnp.cross(tangent, axis)))
     return FrenetFrame(
         tangent,
         jnp.cross(binormal, tangent),
         binormal,
-        divide(norm(turn), speed**3),
+        divide(norm(turn), norm(first) ** 3),
         divide(jnp.sum(turn * third), jnp.sum(turn * turn)),
     )
 
 
-def _derivatives(curve: AbstractCurve, u: Float[Array, ""]) -> tuple[Array, Array, Array]:
-    """C', C'' and C'''."""
-    one = jnp.ones_like(u)
-    first = lambda t: jax.jvp(curve.point, (t,), (one,))[1]
-    second = lambda t: jax.jvp(first, (t,), (one,))
-    (along, bend), (_, third) = jax.jvp(second, (u,), (one,))
-    return along, bend, third
+def _turn(
+    curve: AbstractCurve, point: Float[Array, "3"], first: Float[Array, "3"], second: Float[Array, "3"]
+) -> tuple[Float[Array, "3"], Bool[Array, ""]]:
+    """C' × C'' without the round-off that is all of it on a straight line, and whether there is more."""
+    start, end = curve.domain
+    length, speed = end - start, norm(first)
+    turn = jnp.cross(first, second)
+    bent = norm(turn) > 1024 * eps(turn.dtype) * speed * (norm(second) + speed / length + norm(point) / length**2)
+    return jnp.where(bent, turn, 0), bent
+
+
+def _derivatives(curve: AbstractCurve, u: Float[Array, ""]) -> tuple[Array, Array, Array, Array]:
+    """The point, C', C'' and the third derivative."""
+    derived = jet(curve, (u,), 3)
+    return derived[(0,)], derived[(1,)], derived[(2,)], derived[(3,)]

@@ -72,7 +72,9 @@ def _area_at(surface: AbstractSurface, u: Float[Array, ""], v: Float[Array, ""])
     return norm(cross_product(partials_at(surface, u, v)))
 
 
-def _cone_at(data: tuple[AbstractSurface, Float[Array, "3"]], u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
+def _cone_at(data: tuple[AbstractSurface, Float[Array, "3"]], u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "2"]:
+    """The cone from o over a piece of surface, and the size of the product that cancels in it."""
     surface, origin = data
     first = partials_at(surface, u, v)
-    return jnp.dot(first.point - origin, cross_product(first)) / 3
+    arm, across = first.point - origin, cross_product(first)
+    return jnp.stack([jnp.dot(arm, across), norm(arm) * norm(across)]) / 3

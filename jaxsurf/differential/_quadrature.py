@@ -4,6 +4,7 @@ from collections.abc import Callable
 from itertools import product
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,7 +17,7 @@ NODES = 8
 TRACED_SPLITS = {1: 8, 2: 2}  # boxes per span and direction under tracing, by dimension: 64 and 16 nodes
 _ROUNDS = 40
 _MOST = 20_000  # boxes; beyond them the integral is as good as it gets (a crease across the parameters)
-_LEAST = 64  # boxes evaluated together, padded to a power of two from here on, so that few sizes are compiled
+_BLOCK = 64  # boxes evaluated together
 
 
 def integral(
@@ -26,25 +27,28 @@ def integral(
 
     On concrete data boxes are halved until halving changes their integrals, in sum, by less than `tolerance`
     times the integral of |function| (default eps^(2/3)). Under tracing each span is split into a fixed
-    generous number of boxes, and the integral is differentiable in shape and edges. `function` is one of a
-    module, since it is compiled by its identity.
+    generous number of boxes, and the integral is differentiable in shape and edges. A function that cancels
+    gives a pair, its value and the size of what cancels. `function` is one of a module: it is compiled by its identity.
     """
     if not is_concrete(shape, edges):
         low, high = _boxes(tuple(split_spans(edge, TRACED_SPLITS[len(edges)]) for edge in edges))
-        return jnp.sum(box_integrals(function, shape, low, high))
+        parts = box_integrals(function, shape, jnp.asarray(low), jnp.asarray(high))
+        return jnp.sum(parts.reshape(len(low), -1)[:, 0])
     with jax.ensure_compile_time_eval():
         values, low, _ = _settle(function, shape, edges, tolerance)
         return jnp.asarray(np.sum(values), low.dtype)
 
 
+@eqx.filter_jit
 def box_integrals(
     function: Callable[..., Array], shape: Any, low: Float[Array, "n d"], high: Float[Array, "n d"]
-) -> Float[Array, "n"]:
+) -> Float[Array, "n ..."]:
     """Gauss-Legendre integrals over boxes from `low` to `high`; exact for polynomials of degree 15."""
     nodes, weights = gauss(low.dtype, low.shape[1])
     places = low[:, None] + (high - low)[:, None] * nodes[None]
     values = map_points(function, shape, *jnp.moveaxis(places, -1, 0))
-    return (values @ weights) * jnp.prod(high - low, axis=1)
+    sizes = jnp.prod(high - low, axis=1)
+    return jnp.einsum("nk...,k,n->n...", values, weights, sizes)
 
 
 def gauss(dtype: Any, dimension: int = 1) -> tuple[Float[Array, "k d"], Float[Array, "k"]]:
@@ -72,33 +76,40 @@ def _settle(
     """Integrals and corners of boxes whose integrals do not change when they are halved."""
     low, high = _boxes(tuple(concrete(edge) for edge in edges))
     tolerance = eps(low.dtype) ** (2 / 3) if tolerance is None else tolerance
-    values = _concrete_integrals(function, shape, low, high)
-    done = []
+    values = _concrete_integrals(function, shape, low, high)[:, 0]
+    done, dimension = [], low.shape[1]
+    total, count = 0.0, 0
     for _ in range(_ROUNDS):
         parts_low, parts_high = _halved(low, high)
-        corners = (p.reshape(-1, low.shape[1]) for p in (parts_low, parts_high))
-        parts = _concrete_integrals(function, shape, *corners).reshape(len(low), -1)
-        total = sum(np.sum(np.abs(value)) for value, _, _ in done) + np.sum(np.abs(parts))
-        count = sum(len(value) for value, _, _ in done) + len(low)
-        change = np.abs(np.sum(parts, axis=1) - values)
-        noise = 16 * eps(low.dtype) * np.sum(np.abs(parts), axis=1)
-        settled = (change <= np.maximum(tolerance * total / count, noise)) | (count > _MOST)
-        done.append((np.sum(parts, axis=1)[settled], low[settled], high[settled]))
+        corners = (p.reshape(-1, dimension) for p in (parts_low, parts_high))
+        parts = _concrete_integrals(function, shape, *corners).reshape(len(low), -1, 2)
+        sums, sizes = np.sum(parts[..., 0], axis=1), np.sum(parts[..., 1], axis=1)
+        allowed = np.maximum(tolerance * (total + sizes.sum()) / (count + len(low)), 16 * eps(low.dtype) * sizes)
+        settled = (np.abs(sums - values) <= allowed) | (len(low) > _MOST)
+        done.append((sums[settled], low[settled], high[settled]))
+        total, count = total + sizes[settled].sum(), count + settled.sum()
         if settled.all():
             break
-        low, high = (p[~settled].reshape(-1, low.shape[1]) for p in (parts_low, parts_high))
-        values = parts[~settled].reshape(-1)
+        low, high = (p[~settled].reshape(-1, dimension) for p in (parts_low, parts_high))
+        values = parts[~settled, :, 0].reshape(-1)
     else:
         done.append((values, low, high))
     values, low, high = (np.concatenate(column) for column in zip(*done, strict=True))
     return values, low, high
 
 
-def _concrete_integrals(function: Callable[..., Array], shape: Any, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    count = len(low)
-    wanted = max(_LEAST if low.shape[1] == 1 else 1, 1 << (count - 1).bit_length())
-    low, high = (np.pad(side, ((0, wanted - count), (0, 0)), mode="edge") for side in (low, high))
-    return concrete(box_integrals(function, shape, jnp.asarray(low), jnp.asarray(high)))[:count]
+def _concrete_integrals(
+    function: Callable[..., Array], shape: Any, low: np.ndarray, high: np.ndarray
+) -> Float[np.ndarray, "n 2"]:
+    """Integrals of the function and of its size, always as many boxes at once, so that one size is compiled."""
+    blocks = []
+    for start in range(0, len(low), _BLOCK):
+        sides = [side[start : start + _BLOCK] for side in (low, high)]
+        count = len(sides[0])
+        padded = (np.pad(side, ((0, _BLOCK - count), (0, 0)), mode="edge") for side in sides)
+        blocks.append(concrete(box_integrals(function, shape, *map(jnp.asarray, padded)))[:count])
+    parts = np.concatenate(blocks)
+    return parts if parts.ndim == 2 else np.stack([parts, np.abs(parts)], axis=1)
 
 
 def _halved(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -41,7 +41,7 @@ def _(shape: BSplineSurface, sides: tuple[Any, Any]) -> Float[Array, "q q"] | No
 
 def bending_of(shape: Any, sides: tuple[Any, Any]) -> Float[Array, "q q"] | None:
     """`bending_matrix`, compiled."""
-    return _compiled(shape, tuple(jnp.asarray(side, shape.dtype) for side in sides))
+    return _compiled(shape, (jnp.asarray(sides[0], shape.dtype), jnp.asarray(sides[1], shape.dtype)))
 
 
 @eqx.filter_jit

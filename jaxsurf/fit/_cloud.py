@@ -27,7 +27,7 @@ _ATTENUATION = 0.1  # share of the shortest ripple of the net that the backgroun
 
 
 class Stage(eqx.Module):
-    """One round of a cloud fit: spans per direction, number of control points, rms, and the share of points within tolerance."""
+    """One round of a cloud fit: spans per direction, number of control points, rms, share of points within tolerance."""
 
     spans: tuple[int, int] = eqx.field(static=True)
     control_points: int = eqx.field(static=True)
@@ -38,8 +38,8 @@ class Stage(eqx.Module):
 class CloudFit(eqx.Module):
     """What `fit_cloud` found.
 
-    shape, foot, deviation, result, stopped: as in `Fit`, over all points; holdout: deviation of points left out of a refit, or
-    `None`; coverage: the knot cells without points; stages: the history of refinement; met: whether the tolerance was
+    shape, foot, deviation, result, stopped: as in `Fit`, over all points; holdout: deviation of points left out of a
+    refit, or `None`; coverage: the knot cells without points; stages: the history of refinement; met: whether the tolerance was
     reached, `None` without one.
     """
 
@@ -70,14 +70,14 @@ def fit_cloud(
 ) -> CloudFit:
     """Fit a B-spline surface to an unordered sheet-like cloud (N, 3) of unknown parametrisation.
 
-    spans: knot intervals per direction of the first net, u along the longer side; by default 8 × 8, or 4 × 4 where a tolerance
-    is given. tolerance: knots are inserted where points lie farther than that, until a share `quantile` of them lies within,
-    or `max_spans` are reached, or there would be fewer than two points for a control point. degree, loss, fairness: as
+    spans: knot intervals per direction of the first net, u along the longer side; by default 8 × 8, or 4 × 4 where a
+    tolerance is given. tolerance: knots are inserted where points lie farther than that, until a share `quantile` of them
+    lies within, or `max_spans` are reached, or there would be fewer than two points for a control point. degree, loss, fairness: as
     in `fit`. holdout: share of the points that a second fit of the same net leaves out, to measure the deviation of
     points it has not seen (the surface that is returned has seen all).
 
-    The cloud is unrolled (`parametrise`), a coarse net fitted, and refined; a true return value of `progress` stops at the best
-    surface so far. Raises `InputError` on clouds that carry no surface.
+    The cloud is unrolled (`parametrise`), a first net fitted, and refined; a true return value of `progress` stops at
+    the best surface so far. Raises `InputError` on clouds that carry no surface.
     """
     points = as_float(points)
     host = np.asarray(concrete(points), np.float64)
@@ -132,10 +132,9 @@ def linear_start(
     from scipy.linalg import solve
 
     host = np.asarray(points, np.float64)
-    along_u, along_v = (
-        BSpline.design_matrix(np.asarray(parameters[:, i], np.float64), np.asarray(knots, np.float64), degree)
-        for i, knots in enumerate((knots_u, knots_v))
-    )
+    feet, knots = np.asarray(parameters, np.float64), [np.asarray(k, np.float64) for k in (knots_u, knots_v)]
+    along_u: Any = BSpline.design_matrix(feet[:, 0], knots[0], degree)
+    along_v: Any = BSpline.design_matrix(feet[:, 1], knots[1], degree)
     count = along_u.shape[1], along_v.shape[1]
     design = _row_products(along_u, along_v)
     flat = BSplineSurface(jnp.asarray(np.zeros((*count, 3)), points.dtype), knots_u, knots_v, degree, degree)

@@ -29,13 +29,13 @@ class Coverage(eqx.Module):
 
 def coverage(surface: BSplineSurface, parameters: Float[Array, "N 2"]) -> Coverage:
     """Count the feet in every knot cell."""
-    parameters = np.asarray(parameters)
+    feet = np.asarray(parameters)
     cells, shape = [], []
     for axis, basis in enumerate((surface.basis_u, surface.basis_v)):
         knots = np.asarray(basis.knots)
         breaks = np.unique(knots if basis.periodic else knots[basis.degree : basis.size + 1])
         cells.append(
-            np.clip(np.searchsorted(breaks, parameters[:, axis], side="right") - 1, 0, len(breaks) - 2)
+            np.clip(np.searchsorted(breaks, feet[:, axis], side="right") - 1, 0, len(breaks) - 2)
         )
         shape.append(len(breaks) - 1)
     covered = np.zeros(shape, bool)

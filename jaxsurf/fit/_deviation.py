@@ -5,7 +5,6 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from .._array import is_concrete
@@ -20,22 +19,22 @@ class Deviation(eqx.Module):
     signed: Float[Array, "N"]
 
     @property
-    def rms(self) -> Float[ArrayLike, ""]:
+    def rms(self) -> Any:
         """Root of the mean square."""
         xp = self._numbers
         return xp.sqrt(xp.mean(xp.square(self.signed)))
 
     @property
-    def max(self) -> Float[ArrayLike, ""]:
+    def max(self) -> Any:
         """Largest magnitude."""
         return self._numbers.max(self._numbers.abs(self.signed))
 
     @property
-    def mean(self) -> Float[ArrayLike, ""]:
+    def mean(self) -> Any:
         """Mean of the signed distances."""
         return self._numbers.mean(self.signed)
 
-    def quantile(self, q: float) -> Float[ArrayLike, ""]:
+    def quantile(self, q: float) -> Any:
         """The magnitude that a share `q` of the points does not exceed."""
         return self._numbers.quantile(self._numbers.abs(self.signed), q)
 
@@ -45,7 +44,7 @@ class Deviation(eqx.Module):
         return np if is_concrete(self.signed) else jnp
 
     @property
-    def quantiles(self) -> dict[float, Float[ArrayLike, ""]]:
+    def quantiles(self) -> dict[float, Any]:
         """The 50, 90, 95 and 99 % quantiles of the magnitude."""
         return {q: self.quantile(q) for q in (0.5, 0.9, 0.95, 0.99)}
 

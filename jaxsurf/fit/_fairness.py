@@ -1,7 +1,7 @@
 """Geometric fairness: curvature variation, the same for every parametrisation, so that a circle stays a circle."""
 
 from functools import singledispatch
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -24,20 +24,29 @@ def fairness_terms(
 ) -> tuple[Float[Array, ""], Float[Array, "P"], Float[Array, "P P"]]:
     """Value, gradient and Gauss-Newton matrix of ½ · fairness · (scale-free curvature variation).
 
-    Of a curve: L⁵/(2π)⁶ ∫ |(dk/ds)_⊥|² ds, k the curvature vector. Of a surface: the analogue A/(2π)⁴ ∬ |∇II|² dA with the covariant
-    derivative of the second fundamental form, which has no singularity at umbilics (Moreton, Séquin: Functional
-    optimization for fair surface design, 1992, uses the principal directions). Length and area are those of the shape,
-    held fixed in the derivatives.
+    Of a curve: L⁵/(2π)⁶ ∫ |(dk/ds)_⊥|² ds, k the curvature vector. Of a surface: the analogue A/(2π)⁴ ∬ |∇II|² dA with the
+    covariant derivative of the second fundamental form, which has no singularity at umbilics (Moreton, Séquin: Functional
+    optimization for fair surface design, 1992, uses the principal directions). Length and area move with the shape: held
+    fixed they would let it fall in energy by growing.
     """
-    residual, jacobian = _rows(shape, problem)
-    if isinstance(jacobian, tuple):  # already summed by knot cell
-        value = 0.5 * problem.fairness * jnp.sum(residual**2)
-        return value, problem.fairness * jacobian[0], problem.fairness * jacobian[1]
+    found = _variation(shape, problem)
+    # rows r of the sum of squares grow with the size too: J + r sᵀ
+    pull = jnp.outer(found.gradient, found.growth)
+    more = jnp.outer(found.growth, found.growth)
     return (
-        0.5 * problem.fairness * jnp.sum(residual**2),
-        problem.fairness * (residual @ jacobian),
-        problem.fairness * (jacobian.T @ jacobian),
+        0.5 * problem.fairness * found.square,
+        problem.fairness * (found.gradient + found.square * found.growth),
+        problem.fairness * (found.matrix + pull + pull.T + found.square * more),
     )
+
+
+class _Variation(NamedTuple):
+    """|r|², Jᵀr and JᵀJ of the rows r, their size factor held fixed in J = ∂r/∂θ, and s, the gradient of its logarithm."""
+
+    square: Float[Array, ""]
+    gradient: Float[Array, "P"]
+    matrix: Float[Array, "P P"]
+    growth: Float[Array, "P"]
 
 
 def curvature_variation(derivatives: dict[tuple[int, int], Float[Array, "3"]]) -> Float[Array, "4"]:
@@ -75,16 +84,17 @@ def curvature_variation(derivatives: dict[tuple[int, int], Float[Array, "3"]]) -
 
 
 @singledispatch
-def _rows(shape: Any, problem: Problem) -> Any:
+def _variation(shape: Any, problem: Problem) -> _Variation:
     raise TypeError(f"`fairness` expects a curve or a surface, got {type(shape).__name__}.")
 
 
-@_rows.register
-def _(shape: AbstractCurve, problem: Problem) -> Any:
+@_variation.register
+def _(shape: AbstractCurve, problem: Problem) -> _Variation:
     nodes, weights = _curve_nodes(shape)
-    speed = jax.vmap(lambda t: _safe.norm(jet(shape, (t,), 1)[1,]))(nodes)
-    length = jax.lax.stop_gradient(weights @ speed)
-    scale = jnp.sqrt(length**5 / (2 * jnp.pi) ** 6 * weights)
+
+    def length(theta: Float[Array, "P"]) -> Float[Array, ""]:
+        member = problem.member(theta)
+        return weights @ jax.vmap(lambda t: _safe.norm(jet(member, (t,), 1)[1,]))(nodes)
 
     def residual(
         theta: Float[Array, "P"], t: Float[Array, ""], factor: Float[Array, ""]
@@ -92,7 +102,10 @@ def _(shape: AbstractCurve, problem: Problem) -> Any:
         d = jet(problem.member(theta), (t,), 3)
         return factor * _curve_variation(d[1,], d[2,], d[3,])
 
-    return _dense(residual, problem.unknowns(shape), nodes, scale)
+    theta = problem.unknowns(shape)
+    whole, growth = jax.value_and_grad(length)(theta)
+    scale = jnp.sqrt(whole**5 / (2 * jnp.pi) ** 6 * weights)
+    return _Variation(*_dense(residual, theta, nodes, scale), 2.5 * growth / whole)
 
 
 def _curve_variation(c1: Array, c2: Array, c3: Array) -> Array:
@@ -112,8 +125,8 @@ def _curve_nodes(shape: Any) -> tuple[Array, Array]:
     return span_nodes(BSplineBasis(jnp.concatenate([knots[:1], knots, knots[-1:]]), 1), _NODES + 1)
 
 
-@_rows.register
-def _(shape: AbstractSurface, problem: Problem) -> Any:
+@_variation.register
+def _(shape: AbstractSurface, problem: Problem) -> _Variation:
     (a, b), (c, d) = shape.domain
     even = lambda x, y: _even_nodes(x, y, shape.dtype)
     (u, weights_u), (v, weights_v) = even(a, b), even(c, d)
@@ -125,10 +138,14 @@ def _(shape: AbstractSurface, problem: Problem) -> Any:
     ) -> Float[Array, "4"]:
         return _weighted(jet(problem.member(theta), (t[0], t[1]), 3), weight)
 
-    area = jax.lax.stop_gradient(
-        jnp.sum(weights * jax.vmap(lambda t: _element(jet(shape, (t[0], t[1]), 1)))(nodes))
-    )
-    return _dense(residual, problem.unknowns(shape), nodes, weights * area / (2 * jnp.pi) ** 4)
+    def area(theta: Float[Array, "P"]) -> Float[Array, ""]:
+        member = problem.member(theta)
+        return weights @ jax.vmap(lambda t: _element(jet(member, (t[0], t[1]), 1)))(nodes)
+
+    theta = problem.unknowns(shape)
+    whole, growth = jax.value_and_grad(area)(theta)
+    scale = weights * whole / (2 * jnp.pi) ** 4
+    return _Variation(*_dense(residual, theta, nodes, scale), 0.5 * growth / whole)
 
 
 def _even_nodes(a: Any, b: Any, dtype: Any) -> tuple[Array, Array]:
@@ -136,16 +153,17 @@ def _even_nodes(a: Any, b: Any, dtype: Any) -> tuple[Array, Array]:
     return span_nodes(BSplineBasis(jnp.concatenate([knots[:1], knots, knots[-1:]]), 1), _NODES)
 
 
-def _dense(residual: Any, theta: Array, nodes: Array, weights: Array) -> tuple[Array, Array]:
+def _dense(residual: Any, theta: Array, nodes: Array, weights: Array) -> tuple[Array, Array, Array]:
     both = lambda t, w: (residual(theta, t, w), jax.jacrev(residual)(theta, t, w))
     values, jacobian = jax.vmap(both)(nodes, weights)
-    return values.reshape(-1), jacobian.reshape(-1, theta.size)
+    values, jacobian = values.reshape(-1), jacobian.reshape(-1, theta.size)
+    return values @ values, values @ jacobian, jacobian.T @ jacobian
 
 
-@_rows.register
-def _(shape: BSplineSurface, problem: Problem) -> Any:
+@_variation.register
+def _(shape: BSplineSurface, problem: Problem) -> _Variation:
     if problem.free != (True, False, False):
-        return _rows.dispatch(AbstractSurface)(shape, problem)
+        return _variation.dispatch(AbstractSurface)(shape, problem)
     cells = KnotCells(shape)
     (u, weights_u), (v, weights_v) = span_nodes(cells.u, _NODES), span_nodes(cells.v, _NODES)
     derivatives = lambda basis, nodes: jax.vmap(lambda t: basis_derivatives(basis, t, 3)[1])(nodes)
@@ -162,18 +180,22 @@ def _(shape: BSplineSurface, problem: Problem) -> Any:
     )
     table = table.reshape(cells.count, _NODES**2, len(indices), cells.terms)
     weights = jnp.einsum("xa,yb->xyab", weights_u, weights_v).reshape(cells.count, _NODES**2)
-    local = shape.control_points.reshape(-1, 3)[cells.control_points()]
-    jets = jnp.einsum("cndt,ctx->cndx", table, local)
     unpack = lambda x: dict(zip(indices, x, strict=True))
-    area = jax.lax.stop_gradient(jnp.sum(weights * jax.vmap(jax.vmap(lambda x: _element(unpack(x))))(jets)))
+
+    def area(net: Float[Array, "u v 3"]) -> tuple[Float[Array, ""], Float[Array, "cells nodes jet 3"]]:
+        jets = jnp.einsum("cndt,ctx->cndx", table, net.reshape(-1, 3)[cells.control_points()])
+        return jnp.sum(weights * jax.vmap(jax.vmap(lambda x: _element(unpack(x))))(jets)), jets
+
+    (whole, jets), growth = jax.value_and_grad(area, has_aux=True)(shape.control_points)
     residual = lambda x, w: _weighted(unpack(x), w)
-    scaled = weights * area / (2 * jnp.pi) ** 4
+    scaled = weights * whole / (2 * jnp.pi) ** 4
     both = lambda x, w: (residual(x, w), jax.jacfwd(residual)(x, w))
     values, by_jet = jax.vmap(jax.vmap(both))(jets, scaled)
     jacobian = jnp.einsum("cnrdx,cndt->cnrtx", by_jet, table).reshape(cells.count, -1, 3 * cells.terms)
     flat = values.reshape(cells.count, -1)
     gradient = jnp.einsum("cr,crp->cp", flat, jacobian)
-    return values.reshape(-1), cells.scatter(gradient, jnp.einsum("crp,crq->cpq", jacobian, jacobian))
+    summed = cells.scatter(gradient, jnp.einsum("crp,crq->cpq", jacobian, jacobian))
+    return _Variation(jnp.sum(values**2), *summed, 0.5 * growth.reshape(-1) / whole)
 
 
 def _element(derivatives: dict) -> Float[Array, ""]:

@@ -67,7 +67,8 @@ def fit(
     against the mean squared distance in units of size²; it does not shrink circles (useful: 1e-9 … 1e-3). bending: weight of
     the quadratic bending energy of B-spline nets that holds what no point determines; `None` is a weight too weak to be
     seen in the covered part. start: parameters of first feet, from an earlier fit. sliding: how much the solver
-    resists gliding of the net along the sheet, which points do not see; it steers the way, not the goal. phase: what `progress` is told.
+    resists gliding of the net along the sheet, which points do not see; it steers the way, not the goal.
+    phase: what `progress` is told.
 
     Levenberg-Marquardt on signed distances with the feet eliminated (Gauss-Newton by the envelope theorem), normal
     equations accumulated in chunks, stepped by optimistix until a step gains less than `rtol` of the objective.
@@ -78,9 +79,10 @@ def fit(
     weights = _check(shape, points, weights, fairness, bending)
     free_flags = free_leaves(shape, free)
     number = lambda x: jnp.asarray(x, shape.dtype)
-    net_is_free = isinstance(shape, BSplineSurface) and free_flags[0] and not any(free_flags[1:])
     size = _diagonal(points)
-    penalty = bending_of(shape, side_lengths(shape)) if net_is_free else None
+    penalty = None
+    if isinstance(shape, BSplineSurface) and free_flags[0] and not any(free_flags[1:]):
+        penalty = bending_of(shape, side_lengths(shape))
     weight = _faint(shape) if bending is None else bending
     if start is None:
         start = closest_point(shape, points).parameters

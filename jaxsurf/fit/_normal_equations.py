@@ -126,9 +126,8 @@ class KnotCells:
         self, gradient: Float[Array, "cells q"], matrix: Float[Array, "cells q q"]
     ) -> tuple[Float[Array, "P"], Float[Array, "P P"]]:
         """Add the cells' blocks (control point-major, coordinate-minor) into the whole."""
-        index = (self.control_points()[:, :, None] * 3 + jnp.arange(3, dtype=jnp.int32)).reshape(
-            self.count, -1
-        )
+        coordinate = jnp.arange(3, dtype=jnp.int32)[None, None, :]
+        index = (self.control_points()[:, :, None] * 3 + coordinate).reshape(self.count, -1)
         whole = jnp.zeros(self.unknowns, gradient.dtype).at[index].add(gradient)
         square = jnp.zeros((self.unknowns, self.unknowns), matrix.dtype)
         return whole, square.at[index[:, :, None], index[:, None, :]].add(matrix)

@@ -1,5 +1,7 @@
 """The outline of a cloud in the parameter plane, and the surface trimmed to it."""
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -14,13 +16,13 @@ _POINTS_PER_KNOT = 5  # of the ragged border that one control point of the outli
 
 
 def trim_to_cloud(
-    surface: BSplineSurface, parameters: Float[Array, "N 2"], sides: tuple[float, float]
+    surface: BSplineSurface, parameters: Float[Array, "N 2"], sides: tuple[Any, Any]
 ) -> TrimmedSurface:
     """The part of a fitted surface that was measured: trimmed along a smooth closed curve around the feet of the points.
 
     parameters: the feet; sides: lengths of the sheet along u and v, so that distances in the parameter plane mean something.
-    The border is that of the Delaunay triangles of the feet without those longer than 4 median edges (an alpha shape), its
-    largest loop, fitted by a closed cubic. Holes inside are kept closed. Raises `InputError` if the feet have no such border.
+    The border is that of the Delaunay triangles of the feet without those longer than 4 median edges (an alpha shape),
+    its largest loop, fitted by a closed cubic. Holes inside are kept closed. Raises `InputError` if the feet have no such border.
     """
     box = np.array([[float(end) for end in pair] for pair in surface.domain])
     scale = np.asarray([float(side) for side in sides]) / (box[:, 1] - box[:, 0])

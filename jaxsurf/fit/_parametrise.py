@@ -3,12 +3,11 @@
 Host code on concrete points; the parameters are only where the fit starts, they are improved by the foot points.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from .._array import Numbers, concrete
 from .._errors import InputError
 
 _NEIGHBOURS = 10
@@ -24,7 +23,7 @@ class Parametrisation(NamedTuple):
     sides: tuple[float, float]
 
 
-def parametrise(points: Numbers, *, margin: float = 0.01) -> list[Parametrisation]:
+def parametrise(points: Any, *, margin: float = 0.01) -> list[Parametrisation]:
     """Candidate parametrisations of a cloud (N, 3): its unrolling by geodesic distances, and its projection to a plane.
 
     The unrolling (landmark Isomap: shortest paths in the graph of nearest neighbours, embedded by classical scaling) also
@@ -34,7 +33,7 @@ def parametrise(points: Numbers, *, margin: float = 0.01) -> list[Parametrisatio
     Raises `InputError` if the points do not span a sheet (too few, all equal, or on a line).
     Source: de Silva, Tenenbaum, Sparse multidimensional scaling using landmark points, 2004.
     """
-    points = np.asarray(concrete(points), np.float64)
+    points = np.asarray(points, np.float64)
     check_sheet(points)
     index = thin(points, _MOST_POINTS)
     sample = points[index]
@@ -117,10 +116,10 @@ def _neighbour_graph(points: Float[np.ndarray, "k 3"]):
     """Edges to the nearest neighbours, and the shortest bridges between pieces that these leave apart."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     count = len(points)
-    distance, neighbour = cKDTree(points).query(points, k=min(_NEIGHBOURS + 1, count))
+    distance, neighbour = KDTree(points).query(points, k=min(_NEIGHBOURS + 1, count))
     start = np.repeat(np.arange(count), neighbour.shape[1] - 1)
     end, length = neighbour[:, 1:].ravel(), distance[:, 1:].ravel()
     # a sparse matrix forgets entries that are 0, so coincident points get a tiny distance
@@ -131,7 +130,7 @@ def _neighbour_graph(points: Float[np.ndarray, "k 3"]):
         if pieces == 1:
             return graph
         inside = label == label[0]
-        gap, nearest = cKDTree(points[inside]).query(points[~inside])
+        gap, nearest = KDTree(points[inside]).query(points[~inside])
         bridge = int(np.argmin(gap))
         start = np.append(start, np.flatnonzero(~inside)[bridge])
         end = np.append(end, np.flatnonzero(inside)[nearest[bridge]])

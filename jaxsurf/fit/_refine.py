@@ -19,14 +19,14 @@ def refined_knots(
     direction for itself, up to `max_spans`; the worst spans come first. `None` if no span can be halved.
     """
     beyond = np.abs(np.asarray(signed)) > tolerance
-    parameters = np.asarray(parameters)
+    feet = np.asarray(parameters)
     finer, changed = [], False
     for axis, (knots, degree) in enumerate(
         ((surface.knots_u, surface.degree_u), (surface.knots_v, surface.degree_v))
     ):
         knots = np.asarray(knots)
         breaks = knots[degree : len(knots) - degree]
-        cell = np.clip(np.searchsorted(breaks, parameters[:, axis], side="right") - 1, 0, len(breaks) - 2)
+        cell = np.clip(np.searchsorted(breaks, feet[:, axis], side="right") - 1, 0, len(breaks) - 2)
         count = np.bincount(cell, minlength=len(breaks) - 1)
         bad = np.bincount(cell, weights=beyond, minlength=len(breaks) - 1)
         share = bad / np.maximum(count, 1)

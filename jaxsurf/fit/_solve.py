@@ -56,8 +56,8 @@ class MarquardtDescent(optx.AbstractDescent):
 class NormalEquationsSolver(optx.AbstractMinimiser):
     """Minimise an objective whose value, gradient and Gauss-Newton matrix come from one pass over the points.
 
-    `fn(θ, (problem, feet, penalty))` gives the value and the feet; the pass starts the feet of a trial θ from those of the last
-    accepted one. It ends when an accepted step has lowered the value by less than `rtol` of it, or when steps are refused
+    `fn(θ, (problem, feet, penalty))` gives the value and the feet; the pass starts the feet of a trial θ from those of
+    the last accepted one. It ends when an accepted step has lowered the value by less than `rtol` of it, or when steps are refused
     at a step size below 10⁻⁹.
     """
 

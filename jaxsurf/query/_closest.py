@@ -5,18 +5,16 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from .. import _safe
 from .._array import Numbers, as_float, eps, map_points
 from .._errors import InputError
 from ..curve import AbstractCurve
 from ..surface import AbstractSurface
-from ._newton import descend, held_parameters, local_frame, value_and_tangents
-from ._samples import sample_parameters
-
-_CHUNK = 2048  # points whose iterations run in step
-_TABLE = 2**21  # entries of a distance table held at once: 16 MB in double precision
+from ._descend import Scale, descend
+from ._newton import held_parameters, local_frame, parameter_box, value_and_tangents
+from ._starts import choose_starts, sample_points
 
 
 class Foot(eqx.Module):
@@ -36,18 +34,19 @@ def closest_point(
     points: Numbers,
     *,
     start: Numbers | None = None,
-    candidates: int = 2,
+    candidates: int = 4,
 ) -> Foot:
     """Feet of `points` (..., 3) on a curve or surface, borders included.
 
-    Without `start` the nearest of a grid of samples (two in each knot span) begins a safeguarded Newton iteration, and so
-    does the nearest one away from it, up to `candidates` of them; the best foot wins. With `start` (parameters in the form
+    Without `start` safeguarded Newton iterations begin where the distance is least on a grid of samples (three or
+    more in each knot span), at up to `candidates` local minima, and the best foot wins: on smooth sheets the nearest
+    one, on a very bumpy one and far away another one 1 to 2 times in a thousand. With `start` (parameters in the form
     of `Foot.parameters`, from an earlier call) only these are refined. Memory does not grow with the number of points
-    apart from points and feet.
+    apart from points, feet and 20 bytes per candidate.
 
     Differentiable in the points and in the shape's control data by the implicit function theorem, to any order; where the
     foot is not unique (centres of curvature) derivatives are finite but meaningless.
-    Raises `InputError` if the points do not have the shape's dimension.
+    Raises `InputError` if the points do not have the shape's dimension, or `start` does not fit them.
     """
     points = as_float(points, shape.dtype)
     if points.ndim == 0 or points.shape[-1] != _dimension(shape):
@@ -60,11 +59,23 @@ def closest_point(
         width = () if isinstance(shape, AbstractCurve) else (2,)
         return Foot(jnp.zeros((*batch, *width), shape.dtype), points, jnp.zeros(batch, shape.dtype))
     if start is None:
-        starts = _starts(shape, flat, candidates)
+        starts = choose_starts(shape, flat, candidates)
     else:
-        starts = as_float(start, shape.dtype).reshape(flat.shape[0], 1, -1)
-    foot = _feet(shape, flat, starts)
+        parameters = _given(shape, start, batch).reshape(flat.shape[0], -1)
+        starts = parameters, *_as_chosen(parameters)
+    foot = _feet(shape, flat, *starts)
     return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), foot)
+
+
+def _given(shape: AbstractCurve | AbstractSurface, start: Numbers, batch: tuple[int, ...]) -> Array:
+    """The user's starting parameters, inside the domain."""
+    parameters = as_float(start, shape.dtype)
+    expected = batch if isinstance(shape, AbstractCurve) else (*batch, 2)
+    if parameters.shape != expected:
+        raise InputError(f"`start` must have shape {expected}, one entry for each point, got {parameters.shape}.")
+    box = parameter_box(shape)
+    inside = jnp.clip(parameters, *(end if isinstance(shape, AbstractSurface) else end[0] for end in box[:2]))
+    return jax.lax.stop_gradient(inside)
 
 
 def _dimension(shape: AbstractCurve | AbstractSurface) -> int:
@@ -74,61 +85,29 @@ def _dimension(shape: AbstractCurve | AbstractSurface) -> int:
 
 
 @eqx.filter_jit
-def _starts(shape: Any, points: Float[Array, "N d"], candidates: int) -> Float[Array, "N c k"]:
-    """Parameters of the nearest samples, each away from the ones before it."""
-    axes = sample_parameters(shape)
-    counts = [axis.shape[0] for axis in axes]
-    samples = shape(axes[0]) if len(axes) == 1 else shape.grid_points(*axes)
-    samples = jax.lax.stop_gradient(samples.reshape(-1, samples.shape[-1]))
-    parameters = jnp.stack(jnp.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-    indices = jnp.stack(jnp.meshgrid(*[jnp.arange(n) for n in counts], indexing="ij"), axis=-1).reshape(
-        -1, len(axes)
-    )
-    centre = jnp.mean(samples, axis=0)
-    samples = samples - centre[None, :]
-    squared = 0.5 * jnp.sum(samples * samples, axis=-1)
-
-    def nearest(_: Any, x: Array, *rest: Array) -> Array:
-        distance = squared - samples @ (jnp.stack([x, *rest]) - centre)
-        found = []
-        for _ in range(candidates):
-            best = jnp.argmin(distance)
-            found.append(parameters[best])
-            near = jnp.all(jnp.abs(indices - indices[best][None, :]) <= 3, axis=-1)
-            distance = jnp.where(near, jnp.inf, distance)
-        return jnp.stack(found)
-
-    chunk = max(64, min(10_000, _TABLE // samples.shape[0]))
-    return map_points(nearest, None, *jax.lax.stop_gradient(points).T, chunk=chunk)
-
-
-@eqx.filter_jit
-def _feet(shape: Any, points: Float[Array, "N d"], starts: Float[Array, "N c k"]) -> Foot:
-    count, candidates, k = starts.shape
-    size = _size(shape)
-    frozen = jax.lax.stop_gradient(shape)
+def _feet(
+    shape: Any,
+    points: Float[Array, "N d"],
+    starts: Float[Array, "s k"],
+    chosen: Int[Array, "N c"],
+    wanted: Bool[Array, "N c"],
+) -> Foot:
+    frozen = jax.lax.stop_gradient((shape, points))
+    parameters = descend(*frozen, starts, chosen, wanted, _scale(shape))
     d = points.shape[1]
-
-    def search(shape: Any, *row: Array) -> tuple[Array, Array]:
-        return descend(shape, jnp.stack(row[:d]), jnp.stack(row[d:]), size)
-
-    # every candidate is a row of its own: a map within the map would be traced and batched twice
-    targets = jnp.repeat(jax.lax.stop_gradient(points), candidates, axis=0)
-    found, squared = map_points(search, frozen, *targets.T, *starts.reshape(-1, k).T, chunk=_CHUNK)
-    best = jnp.argmin(squared.reshape(count, candidates), axis=1)
-    parameters = jnp.take_along_axis(found.reshape(count, candidates, k), best[:, None, None], axis=1)[:, 0]
     finish = lambda shape, *row: _foot(shape, jnp.stack(row[:d]), jnp.stack(row[d:]))
-    return map_points(finish, shape, *points.T, *parameters.T, chunk=_CHUNK)
+    return map_points(finish, shape, *points.T, *parameters.T)
 
 
-def refine_feet(
-    shape: Any, points: Float[Array, "N d"], parameters: Float[Array, "N k"]
-) -> Float[Array, "N k"]:
+def refine_feet(shape: Any, points: Float[Array, "N d"], parameters: Float[Array, "N k"]) -> Float[Array, "N k"]:
     """Parameters of feet, refined from good ones; no derivatives. For use inside traced code."""
-    size = _size(shape)
-    d = points.shape[1]
-    search = lambda shape, *row: descend(shape, jnp.stack(row[:d]), jnp.stack(row[d:]), size)[0]
-    return map_points(search, jax.lax.stop_gradient(shape), *points.T, *parameters.T, chunk=_CHUNK)
+    frozen = jax.lax.stop_gradient((shape, points, parameters))
+    return descend(*frozen, *_as_chosen(parameters), _scale(shape))
+
+
+def _as_chosen(parameters: Float[Array, "N k"]) -> tuple[Int[Array, "N 1"], Bool[Array, "N 1"]]:
+    count = parameters.shape[0]
+    return jnp.arange(count, dtype=jnp.int32)[:, None], jnp.ones((count, 1), bool)
 
 
 @eqx.filter_jit
@@ -136,7 +115,7 @@ def foot_at(shape: Any, points: Float[Array, "N d"], parameters: Float[Array, "N
     """The feet at known parameters, not refined."""
     d = points.shape[1]
     measure = lambda shape, *row: _measured(shape, jnp.stack(row[:d]), jnp.stack(row[d:]))
-    return map_points(measure, shape, *points.T, *parameters.T, chunk=_CHUNK)
+    return map_points(measure, shape, *points.T, *parameters.T)
 
 
 def _foot(shape: Any, p: Float[Array, "d"], t: Float[Array, "k"]) -> Foot:
@@ -173,9 +152,9 @@ def _solve_small(matrix: Float[Array, "k k"], y: Float[Array, "k"]) -> Float[Arr
     return _safe.divide(jnp.stack([d * y[0] - b * y[1], a * y[1] - c * y[0]]), a * d - b * c)
 
 
-def _size(shape: Any) -> Float[Array, ""]:
-    """Extent of the shape: the largest side of the samples' bounding box."""
-    axes = sample_parameters(shape)
-    samples = jax.lax.stop_gradient(shape(axes[0]) if len(axes) == 1 else shape.grid_points(*axes))
-    flat = samples.reshape(-1, samples.shape[-1])
-    return jnp.max(jnp.max(flat, axis=0) - jnp.min(flat, axis=0)) + eps(flat.dtype)
+def _scale(shape: Any) -> Scale:
+    """What the samples of a shape say of its size and place."""
+    flat = sample_points(shape)[1].reshape(-1, _dimension(shape))
+    sides = jnp.max(flat, axis=0) - jnp.min(flat, axis=0)
+    coordinate = jnp.max(jnp.abs(flat))
+    return Scale(jnp.maximum(jnp.max(sides), eps(flat.dtype) * coordinate), coordinate)

@@ -7,8 +7,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..basis import BSplineBasis
-from ..curve import AbstractCurve, BSplineCurve, NURBSCurve
-from ..surface import AbstractSurface, BSplineSurface, NURBSSurface, TrimmedSurface
+from ..curve import AbstractCurve, BSplineCurve, Circle, NURBSCurve
+from ..surface import (
+    AbstractSurface,
+    BSplineSurface,
+    Cone,
+    Cylinder,
+    NURBSSurface,
+    Sphere,
+    Torus,
+    TrimmedSurface,
+)
 
 _DEFAULT_COUNT = 49
 
@@ -33,13 +42,13 @@ def _(shape: AbstractSurface) -> tuple[Float[Array, "m"], ...]:
 @sample_parameters.register(BSplineCurve)
 @sample_parameters.register(NURBSCurve)
 def _(shape: Any) -> tuple[Float[Array, "m"], ...]:
-    return (_in_spans(shape.basis),)
+    return (_in_spans(shape.basis, 6, 24),)
 
 
 @sample_parameters.register(BSplineSurface)
 @sample_parameters.register(NURBSSurface)
 def _(shape: Any) -> tuple[Float[Array, "m"], ...]:
-    return _in_spans(shape.basis_u), _in_spans(shape.basis_v)
+    return _in_spans(shape.basis_u, 3, 12), _in_spans(shape.basis_v, 3, 12)
 
 
 @sample_parameters.register
@@ -51,6 +60,28 @@ def _(shape: TrimmedSurface) -> tuple[Float[Array, "m"], ...]:
 def periodic_directions(shape: Any) -> tuple[bool, ...]:
     """For each parameter, whether the shape goes on smoothly across the ends of its domain."""
     return (False,) if isinstance(shape, AbstractCurve) else (False, False)
+
+
+@periodic_directions.register
+def _(shape: Circle) -> tuple[bool, ...]:
+    return (True,)
+
+
+@periodic_directions.register(Sphere)
+@periodic_directions.register(Cylinder)
+@periodic_directions.register(Cone)
+def _(shape: Any) -> tuple[bool, ...]:
+    return True, False
+
+
+@periodic_directions.register
+def _(shape: Torus) -> tuple[bool, ...]:
+    return True, True
+
+
+@periodic_directions.register
+def _(shape: TrimmedSurface) -> tuple[bool, ...]:
+    return periodic_directions(shape.surface)
 
 
 @periodic_directions.register
@@ -67,9 +98,7 @@ def domain_box(shape: AbstractCurve | AbstractSurface) -> tuple[Float[Array, "k"
     """Lower and upper ends of the parameters as vectors."""
     ends = [shape.domain] if isinstance(shape, AbstractCurve) else list(shape.domain)
     lower, upper = zip(*ends, strict=True)
-    return jnp.stack([jnp.asarray(x, shape.dtype) for x in lower]), jnp.stack(
-        [jnp.asarray(x, shape.dtype) for x in upper]
-    )
+    return jnp.stack([jnp.asarray(x, shape.dtype) for x in lower]), jnp.stack([jnp.asarray(x, shape.dtype) for x in upper])
 
 
 def _evenly(domain: tuple[Any, Any], dtype: Any) -> Float[Array, "m"]:
@@ -77,10 +106,10 @@ def _evenly(domain: tuple[Any, Any], dtype: Any) -> Float[Array, "m"]:
     return a + (b - a) * jnp.linspace(0, 1, _DEFAULT_COUNT, dtype=dtype)
 
 
-def _in_spans(basis: BSplineBasis) -> Float[Array, "m"]:
-    """Two parameters in each span, at least nine in all."""
+def _in_spans(basis: BSplineBasis, per_span: int, least: int) -> Float[Array, "m"]:
+    """`per_span` parameters in each span, or `degree` if that is more; at least `least` intervals in all."""
     knots = basis.knots if basis.periodic else basis.knots[basis.degree : basis.size + 1]
-    per_span = max(2, -(-8 // (knots.shape[0] - 1)))
+    per_span = max(per_span, basis.degree, -(-least // (knots.shape[0] - 1)))
     share = jnp.arange(per_span, dtype=knots.dtype) / per_span
     inside = knots[:-1, None] + (knots[1:] - knots[:-1])[:, None] * share[None, :]
     return jnp.concatenate([inside.reshape(-1), knots[-1:]])

@@ -106,13 +106,12 @@ def test_derivatives_of_the_parameter_at_a_length():
     circle = lambda r: Circle([1.0, 2, 3], [0.0, 1, 1], r)
     assert_close(jax.grad(lambda r: parameter_at_length(circle(r), 5.0))(2.0), -1.25)
     assert_close(jax.grad(lambda s: parameter_at_length(circle(2.0), s))(5.0), 0.5)
-    assert_close(jax.grad(jax.grad(lambda r: parameter_at_length(circle(r), 5.0)))(2.0), 1.25)
+    assert_close(jax.jacfwd(jax.grad(lambda r: parameter_at_length(circle(r), 5.0)))(2.0), 1.25)
     curve = cubic()
     place = lambda points: parameter_at_length(with_points(curve, points), 1.7)
-    forward = jax.jacfwd(place)(curve.control_points)
-    assert_close(forward, jax.jacrev(place)(curve.control_points), 1e-10)
+    gradient = jax.grad(place)(curve.control_points)
     moved = lambda x: place(curve.control_points.at[2, 0].set(x))
-    assert_close(forward[2, 0], difference(moved, float(curve.control_points[2, 0]), 1e-4), 1e-5)
+    assert_close(gradient[2, 0], difference(moved, float(curve.control_points[2, 0]), 1e-4), 1e-5)
 
 
 def test_equal_spacing():
