@@ -43,9 +43,7 @@ def check_writable(path: str | os.PathLike) -> None:
     if path.is_dir():
         raise InputError(f"Cannot write {str(path)!r}: it is a folder; give the name of a file.")
     if not path.parent.is_dir():
-        raise InputError(
-            f"Cannot write {str(path)!r}: the folder {str(path.parent)!r} does not exist; create it first."
-        )
+        raise InputError(f"Cannot write {str(path)!r}: the folder {str(path.parent)!r} does not exist; create it first.")
     if not os.access(path.parent, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
         raise InputError(f"Cannot write {str(path)!r}: permission denied; choose another place.")
 

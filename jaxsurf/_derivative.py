@@ -32,11 +32,7 @@ def check_orders(order: Any, count: int) -> tuple[int, ...]:
     """The orders of derivation as a tuple of `count` whole numbers ≥ 0; a lone number stands for a curve's."""
     orders = (order,) if isinstance(order, int) else tuple(order)
     if len(orders) != count or any(int(k) != k or k < 0 for k in orders):
-        wanted = (
-            "a whole number ≥ 0"
-            if count == 1
-            else "a pair of whole numbers ≥ 0 such as (1, 0), by u and by v"
-        )
+        wanted = "a whole number ≥ 0" if count == 1 else "a pair of whole numbers ≥ 0 such as (1, 0), by u and by v"
         raise InputError(f"`order` must be {wanted}, got {order!r}.")
     return tuple(int(k) for k in orders)
 

@@ -44,6 +44,4 @@ def check_not_parallel(normal: Float[Array, "3"], start: Float[Array, "3"], name
         return
     a, b = concrete(normal), concrete(start)
     if np.linalg.norm(np.cross(a, b)) <= 64 * eps(start.dtype) * np.linalg.norm(a) * np.linalg.norm(b):
-        raise InputError(
-            f"`{names[1]}` must not be parallel to `{names[0]}`, got {b.tolist()} along {a.tolist()}."
-        )
+        raise InputError(f"`{names[1]}` must not be parallel to `{names[0]}`, got {b.tolist()} along {a.tolist()}.")

@@ -1,6 +1,6 @@
 """Every kind of shape, at an awkward place: off the origin, domain [2, 5], uneven and repeated knots, weights ≠ 1.
 
-A new shape is one function here, and receives every test of `test_transforms.py`.
+A new shape is one function here, and receives every test of `shape_laws.py`.
 """
 
 import math
@@ -21,24 +21,21 @@ class Case(NamedTuple):
     degenerate: dict[str, Any] = {}
 
 
-CASES: dict[str, Callable[[np.random.Generator], Case]] = {}
-"""By name. A name is the class, then what is special about the case."""
+Factory = Callable[[np.random.Generator], Case]
+CURVES: dict[str, Factory] = {}
+SURFACES: dict[str, Factory] = {}
+"""By name: the class, then what is special about the case."""
 
 
-def case(name: str) -> Callable[[Callable], Callable]:
-    """Decorator: put a factory of a `Case` into the table under `name`."""
-
-    def enter(factory: Callable[[np.random.Generator], Case]) -> Callable:
-        CASES[name] = factory
-        return factory
-
-    return enter
+def case(table: dict[str, Factory], name: str) -> Callable[[Factory], Factory]:
+    """Decorator: put the factory of a case into a table."""
+    return lambda factory: table.setdefault(name, factory)
 
 
 @cache
 def make(name: str) -> Case:
     """The case called `name`; the same numbers every time."""
-    return CASES[name](np.random.default_rng(sum(name.encode())))
+    return (CURVES | SURFACES)[name](np.random.default_rng(sum(name.encode())))
 
 
 def parameters(shape: Any) -> tuple[np.ndarray, ...]:
@@ -81,7 +78,7 @@ def _points(rng: np.random.Generator, *shape: int) -> np.ndarray:
     return np.array([7.0, -3.0, 4.0][: shape[-1]]) + flat + 0.4 * rng.normal(size=shape)
 
 
-@case("BSplineCurve")
+@case(CURVES, "BSplineCurve")
 def _(rng: np.random.Generator) -> Case:
     points = _points(rng, 8, 3)
     doubled = points.copy()
@@ -96,23 +93,23 @@ def _(rng: np.random.Generator) -> Case:
     )
 
 
-@case("BSplineCurve, not clamped")
+@case(CURVES, "BSplineCurve, not clamped")
 def _(rng: np.random.Generator) -> Case:
     return Case(js.BSplineCurve(_points(rng, 8, 3), UNCLAMPED, 3))
 
 
-@case("BSplineCurve, polygon in a plane")
+@case(CURVES, "BSplineCurve, polygon in a plane")
 def _(rng: np.random.Generator) -> Case:
     return Case(js.BSplineCurve(_points(rng, 5, 2), clamped(1, 2.2, 3.9, 4.1), 1))
 
 
-@case("BSplineCurve, periodic")
+@case(CURVES, "BSplineCurve, periodic")
 def _(rng: np.random.Generator) -> Case:
     few = js.BSplineCurve(_points(rng, 2, 3), np.array([2.0, 2.9, 5.0]), 3, periodic=True)
     return Case(js.BSplineCurve(_points(rng, 5, 3), PERIODIC, 3, periodic=True), {"fewer points than knots": few})
 
 
-@case("NURBSCurve")
+@case(CURVES, "NURBSCurve")
 def _(rng: np.random.Generator) -> Case:
     points, weights = _points(rng, 8, 3), rng.uniform(0.5, 2, 8)
     return Case(
@@ -124,33 +121,33 @@ def _(rng: np.random.Generator) -> Case:
     )
 
 
-@case("Line")
+@case(CURVES, "Line")
 def _(rng: np.random.Generator) -> Case:
     start, end = rng.normal(size=(2, 3)) + 4
     return Case(js.Line(start, end), {"no length": js.Line(start, start)})
 
 
-@case("Arc")
+@case(CURVES, "Arc")
 def _(rng: np.random.Generator) -> Case:
     center, start, normal = rng.normal(size=(3, 3)) + np.array([[5.0], [2.0], [0.0]])
     full, flat = (js.Arc(center, start, normal, angle) for angle in (2 * math.pi, 1e-9))
     return Case(js.Arc(center, start, normal, 1.3), {"whole circle": full, "nearly straight": flat})
 
 
-@case("Circle")
+@case(CURVES, "Circle")
 def _(rng: np.random.Generator) -> Case:
     center, normal, start = rng.normal(size=(3, 3)) + np.array([[5.0], [0.0], [0.0]])
     return Case(js.Circle(center, normal, 1.7, start), {"down": js.Circle(center, (0, 0, -1), 1e-9, (1, 0, 0))})
 
 
-@case("Helix")
+@case(CURVES, "Helix")
 def _(rng: np.random.Generator) -> Case:
     center, axis, start = rng.normal(size=(3, 3)) + np.array([[5.0], [0.0], [0.0]])
     flat = js.Helix(center, axis, 1.7, 0.0, 1.3, start)
     return Case(js.Helix(center, axis, 1.7, -0.6, 2.3, start), {"no pitch": flat})
 
 
-@case("CompositeCurve")
+@case(CURVES, "CompositeCurve")
 def _(rng: np.random.Generator) -> Case:
     points = _points(rng, 8, 3)
     corner, end = points[0] + np.array([-1.0, 2.0, 0.3]), points[0]
@@ -162,19 +159,19 @@ def _(rng: np.random.Generator) -> Case:
     )
 
 
-@case("MappedCurve")
+@case(CURVES, "MappedCurve")
 def _(rng: np.random.Generator) -> Case:
     circle = js.Circle(rng.normal(size=3), (0.3, -0.5, 1.0), 1.7)
     return Case(js.rotate(circle, (1, 2, -1), 0.8), {"flattened": js.scale(circle, (1e-9, 1.0, 1.0))})
 
 
-@case("ReparametrisedCurve")
+@case(CURVES, "ReparametrisedCurve")
 def _(rng: np.random.Generator) -> Case:
     helix = js.Helix(rng.normal(size=3) + 4, (0.3, -0.5, 1.0), 1.7, 0.6, 2.3)
     return Case(js.reverse(js.split(js.reparametrise(helix, (2, 5)), 3.2)[1]))
 
 
-@case("BSplineSurface")
+@case(SURFACES, "BSplineSurface")
 def _(rng: np.random.Generator) -> Case:
     net = _points(rng, 8, 5, 3)
     pole = net.copy()
@@ -189,18 +186,18 @@ def _(rng: np.random.Generator) -> Case:
     )
 
 
-@case("BSplineSurface, periodic in v")
+@case(SURFACES, "BSplineSurface, periodic in v")
 def _(rng: np.random.Generator) -> Case:
     return Case(js.BSplineSurface(_points(rng, 8, 5, 3), UNCLAMPED, PERIODIC, 3, 3, periodic_v=True))
 
 
-@case("BSplineSurface, periodic in both")
+@case(SURFACES, "BSplineSurface, periodic in both")
 def _(rng: np.random.Generator) -> Case:
     net = _points(rng, 4, 5, 3)
     return Case(js.BSplineSurface(net, SEAM, PERIODIC, 2, 3, periodic_u=True, periodic_v=True))
 
 
-@case("NURBSSurface")
+@case(SURFACES, "NURBSSurface")
 def _(rng: np.random.Generator) -> Case:
     net, weights, knots_v = _points(rng, 8, 5, 3), rng.uniform(0.5, 2, (8, 5)), clamped(2, 2.9, 4.1)
     flat = np.ones((8, 5, 3))
@@ -210,50 +207,50 @@ def _(rng: np.random.Generator) -> Case:
     )
 
 
-@case("Plane")
+@case(SURFACES, "Plane")
 def _(rng: np.random.Generator) -> Case:
     point, normal = rng.normal(size=(2, 3)) + np.array([[5.0], [0.0]])
     return Case(js.Plane(point, normal, 3.0), {"down": js.Plane(point, (0, 0, -1), 1e-9)})
 
 
-@case("Sphere")
+@case(SURFACES, "Sphere")
 def _(rng: np.random.Generator) -> Case:
     center = rng.normal(size=3) + 4
     return Case(js.Sphere(center, 1.7), {"tiny": js.Sphere(center, 1e-9)})
 
 
-@case("Cylinder")
+@case(SURFACES, "Cylinder")
 def _(rng: np.random.Generator) -> Case:
     center, axis, start = rng.normal(size=(3, 3)) + np.array([[5.0], [0.0], [0.0]])
     return Case(js.Cylinder(center, axis, 1.7, 2.4, start), {"thin": js.Cylinder(center, (0, 0, -1), 1e-9, 1.0)})
 
 
-@case("Cone")
+@case(SURFACES, "Cone")
 def _(rng: np.random.Generator) -> Case:
     center, axis, start = rng.normal(size=(3, 3)) + np.array([[5.0], [0.0], [0.0]])
     return Case(js.Cone(center, axis, 1.7, -0.3, 2.4, start), {"apex": js.Cone(center, axis, 0.0, 0.3, 2.4, start)})
 
 
-@case("Torus")
+@case(SURFACES, "Torus")
 def _(rng: np.random.Generator) -> Case:
     center, axis, start = rng.normal(size=(3, 3)) + np.array([[5.0], [0.0], [0.0]])
     return Case(js.Torus(center, axis, 2.7, 0.8, start), {"cuts itself": js.Torus(center, axis, 1.0, 1.0, start)})
 
 
-@case("TrimmedSurface")
+@case(SURFACES, "TrimmedSurface")
 def _(rng: np.random.Generator) -> Case:
     square = np.array([[2.5, 2.5], [4.5, 2.6], [4.4, 4.5], [2.6, 4.4], [2.5, 2.5]])
     loop = js.BSplineCurve(square, clamped(1, 2.5, 3.1, 4.2), 1)
     return Case(js.TrimmedSurface(make("BSplineSurface").shape, [loop]))
 
 
-@case("MappedSurface")
+@case(SURFACES, "MappedSurface")
 def _(rng: np.random.Generator) -> Case:
     torus = js.Torus(rng.normal(size=3), (0.3, -0.5, 1.0), 2.7, 0.8)
     return Case(js.rotate(torus, (1, 2, -1), 0.8), {"flattened": js.scale(torus, (1e-9, 1.0, 1.0))})
 
 
-@case("ReparametrisedSurface")
+@case(SURFACES, "ReparametrisedSurface")
 def _(rng: np.random.Generator) -> Case:
     cone = js.Cone(rng.normal(size=3) + 4, (0.3, -0.5, 1.0), 1.7, -0.3, 2.4)
     moved = js.reparametrise(cone, ((2, 5), (-1, 3)))

@@ -111,8 +111,6 @@ def _room(path: Path) -> str:
     parts = path.relative_to(PACKAGE).parts
     if len(parts) > 1:
         return parts[0]
-    if path.stem == "cli":
-        return "cli"
     return "the package's own files" if path.stem in ("__init__", "__main__") else GROUND
 
 

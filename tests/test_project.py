@@ -13,12 +13,8 @@ import jaxsurf as js
 
 ROOT = Path(__file__).parent.parent
 VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
-PUBLIC = {name: value for name, value in vars(js).items() if name[0] != "_" and name != "jaxtyping"}
-ROOMS = {
-    name: value
-    for name, value in PUBLIC.items()
-    if inspect.ismodule(value) and value.__name__.startswith("jaxsurf.")
-}
+PUBLIC = {name: getattr(js, name) for name in dir(js) if name[0] != "_" and name != "jaxtyping"}
+ROOMS = {name: value for name, value in PUBLIC.items() if inspect.ismodule(value) and value.__name__.startswith("jaxsurf.")}
 
 
 def test_the_version_is_in_one_place():

@@ -6,9 +6,7 @@ from jaxtyping import Array, Float, Int
 from ._bspline import BSplineBasis
 
 
-def cumulative_local(
-    basis: BSplineBasis, u: Float[Array, ""]
-) -> tuple[Int[Array, ""], list[Float[Array, ""]]]:
+def cumulative_local(basis: BSplineBasis, u: Float[Array, ""]) -> tuple[Int[Array, ""], list[Float[Array, ""]]]:
     """Index of the first cumulative function that is neither 0 nor 1 around `u`, and the `degree` values of those.
 
     All functions before it are 1, all after them 0 (paper 004 below (3), with the sum from j = i).

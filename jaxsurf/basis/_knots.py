@@ -38,9 +38,7 @@ def periodic_knots(n: int, degree: int, domain: tuple[float, float] = (0.0, 1.0)
     return jnp.linspace(a, b, n + 1)
 
 
-def check_knots(
-    knots: Float[Array, "k"], degree: int, count: int, *, periodic: bool = False, name: str = "knots"
-) -> None:
+def check_knots(knots: Float[Array, "k"], degree: int, count: int, *, periodic: bool = False, name: str = "knots") -> None:
     """Refuse knot vectors that define no B-spline of `degree` on `count` control points.
 
     Shapes are checked always, values only on concrete data: finite, ascending, inner knots repeated at most `degree`
@@ -56,9 +54,7 @@ def check_knots(
             f"got shape {knots.shape}."
         )
     if not periodic and count < degree + 1:
-        raise InputError(
-            f"`{name}` of degree {degree} needs at least {degree + 1} control points, got {count}."
-        )
+        raise InputError(f"`{name}` of degree {degree} needs at least {degree + 1} control points, got {count}.")
     if not is_concrete(knots):
         return
     values = concrete(knots)

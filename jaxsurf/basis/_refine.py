@@ -14,9 +14,7 @@ from ._bspline import BSplineBasis
 from ._knots import greville
 
 
-def refinement_matrix(
-    knots: Float[Array, "k"], refined: Float[Array, "k2"], degree: int
-) -> Float[Array, "n2 n"]:
+def refinement_matrix(knots: Float[Array, "k"], refined: Float[Array, "k2"], degree: int) -> Float[Array, "n2 n"]:
     """Matrix from control points on `knots` to control points of the same spline on `refined` ⊇ `knots`.
 
     Both are ordinary (not periodic) knot vectors with the same domain. Which one contains the other is not checked.
@@ -26,9 +24,7 @@ def refinement_matrix(
     return _blossom(knots, degree, arguments, greville(refined, degree))
 
 
-def elevation_matrix(
-    knots: Float[Array, "k"], elevated: Float[Array, "k2"], degree: int
-) -> Float[Array, "n2 n"]:
+def elevation_matrix(knots: Float[Array, "k"], elevated: Float[Array, "k2"], degree: int) -> Float[Array, "n2 n"]:
     """Matrix from control points of `degree` on `knots` to those of `degree + 1` on `elevated` (see `elevated_knots`)."""
     count = elevated.shape[0] - degree - 2
     arguments = jnp.stack([elevated[1 + i : 1 + i + count] for i in range(degree + 1)], axis=1)

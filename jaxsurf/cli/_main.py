@@ -60,9 +60,7 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         metavar="UxV",
         help="knot spans of the net, u along the longer side (default 8x8)",
     )
-    parser.add_argument(
-        "--tolerance", type=float, metavar="T", help="refine until the quantile of the points lies within T"
-    )
+    parser.add_argument("--tolerance", type=float, metavar="T", help="refine until the quantile of the points lies within T")
     parser.add_argument(
         "--quantile",
         type=float,
@@ -70,12 +68,8 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         metavar="Q",
         help="share of the points for --tolerance (default 0.95)",
     )
-    parser.add_argument(
-        "--max-spans", type=int, default=40, metavar="N", help="most spans per direction (default 40)"
-    )
-    parser.add_argument(
-        "--degree", type=int, default=3, metavar="P", help="degree in both directions (default 3)"
-    )
+    parser.add_argument("--max-spans", type=int, default=40, metavar="N", help="most spans per direction (default 40)")
+    parser.add_argument("--degree", type=int, default=3, metavar="P", help="degree in both directions (default 3)")
     parser.add_argument(
         "--smooth",
         type=float,
@@ -91,17 +85,11 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="share of the points left out of a check fit (default 0.1)",
     )
-    parser.add_argument(
-        "--trim", action="store_true", help="trim the exported face to the outline of the cloud"
-    )
+    parser.add_argument("--trim", action="store_true", help="trim the exported face to the outline of the cloud")
     parser.add_argument("--unit", default="mm", help="unit of the points: mm, cm, m or in (default mm)")
     parser.add_argument("--report", metavar="FILE", help="write an HTML report")
-    parser.add_argument(
-        "--picture", metavar="FILE", help="write a picture of the deviations (.png .svg .pdf)"
-    )
-    parser.add_argument(
-        "--save", metavar="FILE", help="write the surface in the lossless format of js.load (.jxs)"
-    )
+    parser.add_argument("--picture", metavar="FILE", help="write a picture of the deviations (.png .svg .pdf)")
+    parser.add_argument("--save", metavar="FILE", help="write the surface in the lossless format of js.load (.jxs)")
     parser.add_argument("--quiet", action="store_true", help="print errors only")
     parser.set_defaults(run=_fit)
 
@@ -142,9 +130,7 @@ def _fit(options: argparse.Namespace) -> int:
         )
     written = output.write_all(options, found, points, time.perf_counter() - begun)
     if not options.quiet:
-        print(
-            "\n".join(output.summary_lines(options, found, len(points), written, time.perf_counter() - begun))
-        )
+        print("\n".join(output.summary_lines(options, found, len(points), written, time.perf_counter() - begun)))
     if found.stopped:
         print("jaxsurf: stopped on request; what was written is the best surface so far.", file=sys.stderr)
         return _INTERRUPTED

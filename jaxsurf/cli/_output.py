@@ -28,9 +28,7 @@ def check_targets(options: argparse.Namespace) -> None:
         if suffix == ".3dm":
             import_optional("rhino3dm", extra="cad", purpose=f"writing {suffix} files")
             if options.trim:
-                raise InputError(
-                    "`--trim` needs a STEP or IGES file: 3DM files are written without trimming."
-                )
+                raise InputError("`--trim` needs a STEP or IGES file: 3DM files are written without trimming.")
         elif suffix in _CAD:
             import_optional("OCP", extra="cad", purpose=f"writing {suffix} files")
         elif suffix in _MESH:
@@ -49,9 +47,7 @@ def check_targets(options: argparse.Namespace) -> None:
     names = [str(Path(target).resolve()) for target in targets] + [str(Path(options.cloud).resolve())]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(
-                f"{name!r} is named twice: give every output a file of its own, other than the cloud."
-            )
+            raise InputError(f"{name!r} is named twice: give every output a file of its own, other than the cloud.")
 
 
 def write_all(options: argparse.Namespace, found: Any, points: np.ndarray, seconds: float) -> list[str]:
@@ -96,9 +92,7 @@ def _write_shape(target: str, shape: Any, unit: str) -> None:
         io.write_mesh(target, mesh.vertices, mesh.faces, normals=mesh.normals)
 
 
-def _deviation_picture(
-    found: Any, points: np.ndarray, unit: str, shape: Any, path: str | None = None
-) -> np.ndarray:
+def _deviation_picture(found: Any, points: np.ndarray, unit: str, shape: Any, path: str | None = None) -> np.ndarray:
     from ..view import deviation
 
     return deviation(shape, found.foot.parameters, found.deviation.signed, points, unit=unit, path=path)
@@ -146,9 +140,7 @@ def notes(options: argparse.Namespace, found: Any) -> list[str]:
         )
     extent = np.linalg.norm(np.ptp(np.asarray(found.foot.points), axis=0))
     if float(found.deviation.rms) > 0.02 * extent:
-        said.append(
-            "The points lie far from the surface: the cloud may not be one sheet; split it into patches."
-        )
+        said.append("The points lie far from the surface: the cloud may not be one sheet; split it into patches.")
     if found.coverage.uncovered and not options.trim:
         said.append(
             "Parts of the surface were not measured: they continue its surroundings. --trim cuts the face to the cloud."
@@ -156,9 +148,7 @@ def notes(options: argparse.Namespace, found: Any) -> list[str]:
     return said
 
 
-def summary_lines(
-    options: argparse.Namespace, found: Any, count: int, written: list[str], seconds: float
-) -> list[str]:
+def summary_lines(options: argparse.Namespace, found: Any, count: int, written: list[str], seconds: float) -> list[str]:
     """What is printed when all is done."""
     rows = [
         (label, f"{value:.4g}" if isinstance(value, float) else str(value), unit)
@@ -169,9 +159,7 @@ def summary_lines(
     return [*lines, *notes(options, found), "wrote " + ", ".join(written)]
 
 
-def _write_report(
-    options: argparse.Namespace, found: Any, points: np.ndarray, shape: Any, seconds: float
-) -> None:
+def _write_report(options: argparse.Namespace, found: Any, points: np.ndarray, shape: Any, seconds: float) -> None:
     from ..report import Report, Table, provenance, write_report
     from ..view import png_bytes, shade
 

@@ -72,7 +72,7 @@ def _(shape: AbstractCurve, tol: float, *, degree: int = 3) -> Conversion:
         spline = BSplineCurve(as_float(control, dtype), knots, degree)
         # one part more than the refinement looked at: other places
         where = amid(found[0], dense_parts(len(control), len(found[0]) - 1) + 2)
-        where = np.concatenate([where, places])
+        where = np.concatenate([where, found[0]])  # of even degree the error peaks at the knots
         return spline, float(np.linalg.norm(curve_values(spline, where) - sample(where), axis=-1).max())
 
     return _within(attempt, shape, tol)
@@ -109,8 +109,7 @@ def _(shape: AbstractSurface, tol: float, *, degree: int = 3) -> Conversion:
         spline = BSplineSurface(as_float(control, dtype), knots[0], knots[1], degree, degree)
         counts = [len(along) - degree - 1 for along in knots]
         where = [
-            np.concatenate([amid(f[0], dense_parts(n, len(f[0]) - 1)), p])
-            for f, n, p in zip(found, counts, places, strict=True)
+            np.concatenate([amid(f[0], dense_parts(n, len(f[0]) - 1)), f[0]]) for f, n in zip(found, counts, strict=True)
         ]
         return spline, _grid_error(shape, spline, where[0], where[1])
 

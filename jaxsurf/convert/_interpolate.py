@@ -63,6 +63,8 @@ def _surface(
 ) -> BSplineSurface:
     """All columns together, then all rows of the control points so found."""
     spacings = parameters if isinstance(parameters, tuple) else (parameters, parameters)
+    if len(spacings) != 2:
+        raise InputError(f"`parameters` of a surface must be one or a pair (u, v), got {len(spacings)}.")
     places = []
     for axis, name in enumerate("uv"):
         if closings[axis]:

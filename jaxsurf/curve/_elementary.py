@@ -66,9 +66,7 @@ class Arc(AbstractCurve):
             raise InputError("`start` of an arc must differ from its `center`: the radius would be 0.")
         check_not_parallel(self.normal, self.start - self.center, ("normal", "start - center"))
         if float(self.angle) > 2 * math.pi * (1 + 4 * eps(self.dtype)):
-            raise InputError(
-                f"`angle` of an arc must be at most 2π, got {float(self.angle):g}; use `js.Helix`."
-            )
+            raise InputError(f"`angle` of an arc must be at most 2π, got {float(self.angle):g}; use `js.Helix`.")
 
     @classmethod
     def through(cls, p0: Numbers, p1: Numbers, p2: Numbers) -> "Arc":

@@ -26,9 +26,7 @@ def on_knots(axis: SplineAxis, finer: Float[Array, "k2"]) -> SplineAxis:
     return SplineAxis(_product(matrix, axis.net), finer, axis.degree, axis.periodic)
 
 
-def finer_matrix(
-    knots: Float[Array, "k"], finer: Float[Array, "k2"], degree: int, periodic: bool
-) -> Float[Array, "n2 n"]:
+def finer_matrix(knots: Float[Array, "k"], finer: Float[Array, "k2"], degree: int, periodic: bool) -> Float[Array, "n2 n"]:
     """From control points on `knots` to those on `finer`; of periodic splines, knots of one period."""
     if periodic:
         count, finer_count = knots.shape[0] - 1, finer.shape[0] - 1

@@ -79,7 +79,5 @@ def as_affine(matrix: Numbers, offset: Numbers, dtype: Any) -> tuple[Float[Array
     matrix, offset = as_float(matrix, dtype), as_float(offset, dtype)
     size = matrix.shape[0] if matrix.ndim else 0
     if size not in (2, 3) or matrix.shape != (size, size) or offset.shape != (size,):
-        raise InputError(
-            f"`matrix` and `offset` must have shapes (3, 3) and (3,), got {matrix.shape} and {offset.shape}."
-        )
+        raise InputError(f"`matrix` and `offset` must have shapes (3, 3) and (3,), got {matrix.shape} and {offset.shape}.")
     return matrix, offset

@@ -207,9 +207,7 @@ def _(shape: CompositeCurve, at: Float[Array, ""], direction: None) -> tuple[Any
 
 @_split.register(TrimmedSurface)
 def _(shape: TrimmedSurface, at: Float[Array, ""], direction: str) -> tuple[Any, Any]:
-    raise InputError(
-        "`split` does not cut trimming loops: split `shape.surface`, or cut the trimmed one with `js.cut`."
-    )
+    raise InputError("`split` does not cut trimming loops: split `shape.surface`, or cut the trimmed one with `js.cut`.")
 
 
 @functools.singledispatch

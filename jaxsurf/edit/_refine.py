@@ -42,9 +42,7 @@ def insert_knots(shape: Any, knots: Numbers, direction: str | None = None) -> An
     return with_axis(shape, _knots.inserted(axis, new), direction)
 
 
-def remove_knots(
-    shape: Any, knots: Numbers, direction: str | None = None, *, tolerance: float | None = None
-) -> Any:
+def remove_knots(shape: Any, knots: Numbers, direction: str | None = None, *, tolerance: float | None = None) -> Any:
     """The nearest B-spline or NURBS shape without the inner `knots`, (m,).
 
     A number repeated is removed repeatedly. Least squares on control points through the refinement matrix:
@@ -130,9 +128,7 @@ def _chosen(shape: Any, direction: str | None, function: str) -> tuple[str | Non
 
 def _check_spline(shape: Any, function: str) -> None:
     if not isinstance(shape, SPLINES):
-        raise TypeError(
-            f"{function} is not defined for {type(shape).__name__}; `js.to_bspline` converts any shape."
-        )
+        raise TypeError(f"{function} is not defined for {type(shape).__name__}; `js.to_bspline` converts any shape.")
 
 
 def _kept(axis: SplineAxis, removed: np.ndarray) -> np.ndarray:
@@ -145,9 +141,7 @@ def _kept(axis: SplineAxis, removed: np.ndarray) -> np.ndarray:
         distances = np.abs(values[left] - value)
         if not distances.size or not np.min(distances) <= near:
             inner = ", ".join(f"{values[i]:g}" for i in left) or "none"
-            raise InputError(
-                f"`knots` to remove must be inner knots; {value:g} is not among those left: {inner}."
-            )
+            raise InputError(f"`knots` to remove must be inner knots; {value:g} is not among those left: {inner}.")
         left.pop(int(np.argmin(distances)))
     outer = np.flatnonzero((values <= a) | (values >= b))
     return np.sort(np.concatenate([outer, np.asarray(left, dtype=outer.dtype)]))

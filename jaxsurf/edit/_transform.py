@@ -91,17 +91,13 @@ def _(shape: AbstractSurface, matrix: Numbers, offset: Numbers) -> AbstractSurfa
 @transform.register(MappedCurve)
 def _(shape: MappedCurve, matrix: Numbers, offset: Numbers) -> MappedCurve:
     matrix, offset = _affine(shape, matrix, offset)
-    return MappedCurve(
-        shape.curve, _product(matrix, shape.matrix), apply_affine(matrix, offset, shape.offset)
-    )
+    return MappedCurve(shape.curve, _product(matrix, shape.matrix), apply_affine(matrix, offset, shape.offset))
 
 
 @transform.register(MappedSurface)
 def _(shape: MappedSurface, matrix: Numbers, offset: Numbers) -> MappedSurface:
     matrix, offset = _affine(shape, matrix, offset)
-    return MappedSurface(
-        shape.surface, _product(matrix, shape.matrix), apply_affine(matrix, offset, shape.offset)
-    )
+    return MappedSurface(shape.surface, _product(matrix, shape.matrix), apply_affine(matrix, offset, shape.offset))
 
 
 @transform.register(BSplineCurve)
@@ -138,8 +134,7 @@ def _affine(shape: Any, matrix: Numbers, offset: Numbers) -> tuple[Float[Array, 
     matrix, offset = as_affine(matrix, offset, shape.dtype)
     if offset.shape[0] != _dimension(shape):
         raise InputError(
-            f"`matrix` and `offset` must have dimension {_dimension(shape)}, that of the shape, "
-            f"got {offset.shape[0]}."
+            f"`matrix` and `offset` must have dimension {_dimension(shape)}, that of the shape, got {offset.shape[0]}."
         )
     return matrix, offset
 

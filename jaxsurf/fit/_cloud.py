@@ -39,8 +39,8 @@ class CloudFit(eqx.Module):
     """What `fit_cloud` found.
 
     shape, foot, deviation, result, stopped: as in `Fit`, over all points; holdout: deviation of points left out of a
-    refit, or `None`; coverage: the knot cells without points; stages: the history of refinement; met: whether the tolerance was
-    reached, `None` without one.
+    refit, or `None`; coverage: the knot cells without points; stages: the history of refinement; met: whether the
+    tolerance was reached, `None` without one.
     """
 
     shape: BSplineSurface
@@ -72,8 +72,8 @@ def fit_cloud(
 
     spans: knot intervals per direction of the first net, u along the longer side; by default 8 × 8, or 4 × 4 where a
     tolerance is given. tolerance: knots are inserted where points lie farther than that, until a share `quantile` of them
-    lies within, or `max_spans` are reached, or there would be fewer than two points for a control point. degree, loss, fairness: as
-    in `fit`. holdout: share of the points that a second fit of the same net leaves out, to measure the deviation of
+    lies within, or `max_spans` are reached, or there would be fewer than two points for a control point. degree, loss,
+    fairness: as in `fit`. holdout: share of the points that a second fit of the same net leaves out, to measure the deviation of
     points it has not seen (the surface that is returned has seen all).
 
     The cloud is unrolled (`parametrise`), a first net fitted, and refined; a true return value of `progress` stops at
@@ -204,9 +204,7 @@ def _best_start(
     return best.shape, best.foot.parameters if len(sample) == len(points) else None
 
 
-def _facing_outwards(
-    surface: BSplineSurface, parameters: Array, centre: np.ndarray
-) -> tuple[BSplineSurface, Array]:
+def _facing_outwards(surface: BSplineSurface, parameters: Array, centre: np.ndarray) -> tuple[BSplineSurface, Array]:
     """Turn u round if the normal points to the hollow side, or, on a flat sheet, against its main axis."""
     net = np.asarray(surface.control_points)
     # twice the area vector of the net, and where its middle lies from the centre of the points
@@ -220,17 +218,13 @@ def _facing_outwards(
     knots = np.asarray(surface.knots_u)
     turned = (jnp.asarray(net[::-1]), jnp.asarray((knots[0] + knots[-1] - knots)[::-1]))
     flipped = np.asarray(parameters) * [-1, 1] + [knots[0] + knots[-1], 0]
-    return eqx.tree_at(lambda s: (s.control_points, s.knots_u), surface, turned), jnp.asarray(
-        flipped, parameters.dtype
-    )
+    return eqx.tree_at(lambda s: (s.control_points, s.knots_u), surface, turned), jnp.asarray(flipped, parameters.dtype)
 
 
 def _refit(start: BSplineSurface, points: Array, feet: Any, options: dict[str, Any]) -> Fit:
     weight = faint_bending(max(start.control_points.shape[:2]), _ATTENUATION)
     phase = options.get("phase", "fit {} × {} spans".format(*_spans(start)))
-    return fit(
-        start, points, start=feet, bending=weight, sliding=_SLIDING, rtol=_RTOL, **{**options, "phase": phase}
-    )
+    return fit(start, points, start=feet, bending=weight, sliding=_SLIDING, rtol=_RTOL, **{**options, "phase": phase})
 
 
 def _hold_out(done: Fit, points: Array, share: float, seed: int, options: dict[str, Any]) -> Deviation | None:
@@ -239,9 +233,7 @@ def _hold_out(done: Fit, points: Array, share: float, seed: int, options: dict[s
     if not chosen.any():
         return None
     weights = jnp.asarray(~chosen, points.dtype)
-    again = _refit(
-        done.shape, points, done.foot.parameters, {**options, "weights": weights, "phase": "hold-out"}
-    )
+    again = _refit(done.shape, points, done.foot.parameters, {**options, "weights": weights, "phase": "hold-out"})
     return Deviation(jnp.asarray(np.asarray(again.deviation)[chosen]))
 
 

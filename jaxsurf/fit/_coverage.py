@@ -34,9 +34,7 @@ def coverage(surface: BSplineSurface, parameters: Float[Array, "N 2"]) -> Covera
     for axis, basis in enumerate((surface.basis_u, surface.basis_v)):
         knots = np.asarray(basis.knots)
         breaks = np.unique(knots if basis.periodic else knots[basis.degree : basis.size + 1])
-        cells.append(
-            np.clip(np.searchsorted(breaks, feet[:, axis], side="right") - 1, 0, len(breaks) - 2)
-        )
+        cells.append(np.clip(np.searchsorted(breaks, feet[:, axis], side="right") - 1, 0, len(breaks) - 2))
         shape.append(len(breaks) - 1)
     covered = np.zeros(shape, bool)
     covered[cells[0], cells[1]] = True

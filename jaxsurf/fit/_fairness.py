@@ -19,9 +19,7 @@ from ._problem import Problem
 _NODES = 3  # Gauss-Legendre nodes in each span
 
 
-def fairness_terms(
-    shape: Any, problem: Problem
-) -> tuple[Float[Array, ""], Float[Array, "P"], Float[Array, "P P"]]:
+def fairness_terms(shape: Any, problem: Problem) -> tuple[Float[Array, ""], Float[Array, "P"], Float[Array, "P P"]]:
     """Value, gradient and Gauss-Newton matrix of ½ · fairness · (scale-free curvature variation).
 
     Of a curve: L⁵/(2π)⁶ ∫ |(dk/ds)_⊥|² ds, k the curvature vector. Of a surface: the analogue A/(2π)⁴ ∬ |∇II|² dA with the
@@ -58,9 +56,7 @@ def curvature_variation(derivatives: dict[tuple[int, int], Float[Array, "3"]]) -
     first = jnp.stack([d[1, 0], d[0, 1]])
     second = jnp.stack([jnp.stack([d[2, 0], d[1, 1]]), jnp.stack([d[1, 1], d[0, 2]])])
     by_ones = [d[3, 0], d[2, 1], d[1, 2], d[0, 3]]
-    third = jnp.stack(
-        [jnp.stack([jnp.stack([by_ones[i + j + k] for k in (0, 1)]) for j in (0, 1)]) for i in (0, 1)]
-    )
+    third = jnp.stack([jnp.stack([jnp.stack([by_ones[i + j + k] for k in (0, 1)]) for j in (0, 1)]) for i in (0, 1)])
     normal = _safe.unit(jnp.cross(first[0], first[1]))
     h = second @ normal
     e1 = _safe.unit(first[0])
@@ -96,9 +92,7 @@ def _(shape: AbstractCurve, problem: Problem) -> _Variation:
         member = problem.member(theta)
         return weights @ jax.vmap(lambda t: _safe.norm(jet(member, (t,), 1)[1,]))(nodes)
 
-    def residual(
-        theta: Float[Array, "P"], t: Float[Array, ""], factor: Float[Array, ""]
-    ) -> Float[Array, "d"]:
+    def residual(theta: Float[Array, "P"], t: Float[Array, ""], factor: Float[Array, ""]) -> Float[Array, "d"]:
         d = jet(problem.member(theta), (t,), 3)
         return factor * _curve_variation(d[1,], d[2,], d[3,])
 
@@ -133,9 +127,7 @@ def _(shape: AbstractSurface, problem: Problem) -> _Variation:
     nodes = jnp.stack(jnp.meshgrid(u, v, indexing="ij"), -1).reshape(-1, 2)
     weights = (weights_u[:, None] * weights_v[None, :]).reshape(-1)
 
-    def residual(
-        theta: Float[Array, "P"], t: Float[Array, "2"], weight: Float[Array, ""]
-    ) -> Float[Array, "4"]:
+    def residual(theta: Float[Array, "P"], t: Float[Array, "2"], weight: Float[Array, ""]) -> Float[Array, "4"]:
         return _weighted(jet(problem.member(theta), (t[0], t[1]), 3), weight)
 
     def area(theta: Float[Array, "P"]) -> Float[Array, ""]:
@@ -175,9 +167,7 @@ def _(shape: BSplineSurface, problem: Problem) -> _Variation:
     weights_u, weights_v = by_span(weights_u, cells.count_u), by_span(weights_v, cells.count_v)
     indices = [(i, j) for i in range(4) for j in range(4 - i)]
     # table[cell, node, derivative, control point]
-    table = jnp.stack(
-        [jnp.einsum("xai,ybj->xyabij", along_u[:, :, i], along_v[:, :, j]) for i, j in indices], axis=4
-    )
+    table = jnp.stack([jnp.einsum("xai,ybj->xyabij", along_u[:, :, i], along_v[:, :, j]) for i, j in indices], axis=4)
     table = table.reshape(cells.count, _NODES**2, len(indices), cells.terms)
     weights = jnp.einsum("xa,yb->xyab", weights_u, weights_v).reshape(cells.count, _NODES**2)
     unpack = lambda x: dict(zip(indices, x, strict=True))

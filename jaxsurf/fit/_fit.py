@@ -110,9 +110,7 @@ def fit(
             break
     foot = foot_at(shape, points, feet)
     assert found is not None
-    return Fit(
-        shape, foot, Deviation(foot.distance), found.result, jnp.asarray(total, jnp.int32), found.stopped
-    )
+    return Fit(shape, foot, Deviation(foot.distance), found.result, jnp.asarray(total, jnp.int32), found.stopped)
 
 
 @eqx.filter_jit
@@ -122,9 +120,7 @@ def _diagonal(points: Array) -> Float[Array, ""]:
 
 
 @eqx.filter_jit
-def _noise(
-    shape: Any, points: Array, feet: Array, weights: Array, loss: str, size: Array
-) -> Float[Array, ""]:
+def _noise(shape: Any, points: Array, feet: Array, weights: Array, loss: str, size: Array) -> Float[Array, ""]:
     """The scale of a robust loss, from the distances at hand; never 0."""
     distance = foot_at(shape, points, feet).distance
     return jnp.maximum(noise_scale(distance, weights) * find_loss(loss).deviations, 1e-12 * size)
@@ -143,16 +139,12 @@ def _rounds(loss: str) -> tuple[str, ...]:
     return ("huber", "huber", "huber") if loss == "huber" else ("huber", "huber", loss, loss)
 
 
-def _check(
-    shape: Any, points: Array, weights: Any, fairness: float, bending: float | None
-) -> Float[Array, "N"]:
+def _check(shape: Any, points: Array, weights: Any, fairness: float, bending: float | None) -> Float[Array, "N"]:
     if points.ndim != 2:
         raise InputError(f"`points` must have shape (N, 3), got {points.shape}.")
     if is_concrete(points) and not np.all(np.isfinite(concrete(points))):
         row = int(np.argmin(np.all(np.isfinite(concrete(points)), axis=1)))
-        raise InputError(
-            f"`points` must be finite, but point {row + 1} is {concrete(points)[row]}; remove it."
-        )
+        raise InputError(f"`points` must be finite, but point {row + 1} is {concrete(points)[row]}; remove it.")
     if fairness < 0 or (bending is not None and bending < 0):
         raise InputError(f"`fairness` and `bending` must be ≥ 0, got {fairness} and {bending}.")
     if isinstance(shape, BSplineSurface):
@@ -166,9 +158,7 @@ def _check(
         return jnp.asarray(np.ones(points.shape[0]), points.dtype)
     weights = as_float(weights, points.dtype)
     if weights.shape != points.shape[:1]:
-        raise InputError(
-            f"`weights` must have shape ({points.shape[0]},), one for each point, got {weights.shape}."
-        )
+        raise InputError(f"`weights` must have shape ({points.shape[0]},), one for each point, got {weights.shape}.")
     if is_concrete(weights) and not (np.all(concrete(weights) >= 0) and np.any(concrete(weights) > 0)):
         raise InputError("`weights` must be ≥ 0 and not all 0.")
     return weights

@@ -73,8 +73,7 @@ def _(
         return accumulate.dispatch(object)(shape, problem, parameters, lines, weights)
     cells = KnotCells(shape)
     first_u, first_v = (
-        jax.vmap(lambda t, b=basis: b.local(t)[0])(parameters[:, i])
-        for i, basis in enumerate((cells.u, cells.v))
+        jax.vmap(lambda t, b=basis: b.local(t)[0])(parameters[:, i]) for i, basis in enumerate((cells.u, cells.v))
     )
     slots, block_cell = _sort_into_blocks(first_u * cells.count_v + first_v, cells.count)
     gather = lambda x: jnp.concatenate([x, jnp.zeros_like(x[:1])])[slots]

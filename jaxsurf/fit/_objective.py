@@ -1,6 +1,5 @@
 """Objective, gradient and Gauss-Newton matrix of a fit in one pass over the points."""
 
-
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 

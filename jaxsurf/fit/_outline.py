@@ -15,14 +15,13 @@ _LONG = 4.0  # triangles with an edge longer than so many median edges are empty
 _POINTS_PER_KNOT = 5  # of the ragged border that one control point of the outline smooths
 
 
-def trim_to_cloud(
-    surface: BSplineSurface, parameters: Float[Array, "N 2"], sides: tuple[Any, Any]
-) -> TrimmedSurface:
+def trim_to_cloud(surface: BSplineSurface, parameters: Float[Array, "N 2"], sides: tuple[Any, Any]) -> TrimmedSurface:
     """The part of a fitted surface that was measured: trimmed along a smooth closed curve around the feet of the points.
 
     parameters: the feet; sides: lengths of the sheet along u and v, so that distances in the parameter plane mean something.
     The border is that of the Delaunay triangles of the feet without those longer than 4 median edges (an alpha shape),
-    its largest loop, fitted by a closed cubic. Holes inside are kept closed. Raises `InputError` if the feet have no such border.
+    its largest loop, fitted by a closed cubic. Holes inside are kept closed. Raises `InputError` if the
+    feet have no such border.
     """
     box = np.array([[float(end) for end in pair] for pair in surface.domain])
     scale = np.asarray([float(side) for side in sides]) / (box[:, 1] - box[:, 0])
@@ -47,16 +46,12 @@ def _largest_loop(plane: Float[np.ndarray, "N 2"]) -> np.ndarray | None:
     if not len(triangles):
         return None
     # triangles that share an edge hang together; the piece with most of them counts
-    edges = np.sort(
-        np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1
-    )
+    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
     owner = np.tile(np.arange(len(triangles)), 3)
     _, edge_number, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
     order = np.argsort(edge_number.ravel(), kind="stable")
     shared = np.flatnonzero(np.diff(edge_number.ravel()[order]) == 0)
-    links = coo_matrix(
-        (np.ones(len(shared)), (owner[order[shared]], owner[order[shared + 1]])), shape=(len(triangles),) * 2
-    )
+    links = coo_matrix((np.ones(len(shared)), (owner[order[shared]], owner[order[shared + 1]])), shape=(len(triangles),) * 2)
     _, piece = connected_components(links, directed=False)
     kept = piece == np.bincount(piece).argmax()
     rim = edges[(count[edge_number.ravel()] == 1) & kept[owner]]

@@ -137,18 +137,14 @@ def _neighbour_graph(points: Float[np.ndarray, "k 3"]):
         length = np.append(length, gap[bridge])
 
 
-def _in_rectangle(
-    flat: Float[np.ndarray, "k 2"], margin: float
-) -> tuple[Float[np.ndarray, "k 2"], tuple[float, float]]:
+def _in_rectangle(flat: Float[np.ndarray, "k 2"], margin: float) -> tuple[Float[np.ndarray, "k 2"], tuple[float, float]]:
     """Turn a plane cloud so that its bounding rectangle has the least area, and scale that to the unit square."""
     from scipy.spatial import ConvexHull
 
     hull = flat[ConvexHull(flat).vertices]
     edges = np.roll(hull, -1, axis=0) - hull
     angles = np.unique(np.round(np.mod(np.arctan2(edges[:, 1], edges[:, 0]), np.pi / 2), 12))
-    turns = np.stack(
-        [np.stack([np.cos(angles), np.sin(angles)], -1), np.stack([-np.sin(angles), np.cos(angles)], -1)], 1
-    )
+    turns = np.stack([np.stack([np.cos(angles), np.sin(angles)], -1), np.stack([-np.sin(angles), np.cos(angles)], -1)], 1)
     areas = np.prod(np.ptp(hull @ np.swapaxes(turns, 1, 2), axis=1), axis=1)
     turned = flat @ turns[int(np.argmin(areas))].T
     if np.ptp(turned[:, 0]) < np.ptp(turned[:, 1]):

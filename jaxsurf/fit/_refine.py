@@ -21,9 +21,7 @@ def refined_knots(
     beyond = np.abs(np.asarray(signed)) > tolerance
     feet = np.asarray(parameters)
     finer, changed = [], False
-    for axis, (knots, degree) in enumerate(
-        ((surface.knots_u, surface.degree_u), (surface.knots_v, surface.degree_v))
-    ):
+    for axis, (knots, degree) in enumerate(((surface.knots_u, surface.degree_u), (surface.knots_v, surface.degree_v))):
         knots = np.asarray(knots)
         breaks = knots[degree : len(knots) - degree]
         cell = np.clip(np.searchsorted(breaks, feet[:, axis], side="right") - 1, 0, len(breaks) - 2)

@@ -57,8 +57,8 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
     """Minimise an objective whose value, gradient and Gauss-Newton matrix come from one pass over the points.
 
     `fn(θ, (problem, feet, penalty))` gives the value and the feet; the pass starts the feet of a trial θ from those of
-    the last accepted one. It ends when an accepted step has lowered the value by less than `rtol` of it, or when steps are refused
-    at a step size below 10⁻⁹.
+    the last accepted one. It ends when an accepted step has lowered the value by less than `rtol` of it, or when steps
+    are refused at a step size below 10⁻⁹.
     """
 
     rtol: Any
@@ -67,9 +67,7 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
     descent: MarquardtDescent = MarquardtDescent()
     search: optx.ClassicalTrustRegion = optx.ClassicalTrustRegion(high_cutoff=0.75, low_cutoff=0.01)
 
-    def init(
-        self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any, aux_struct: Any, tags: Any
-    ) -> _State:
+    def init(self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any, aux_struct: Any, tags: Any) -> _State:
         _, feet, _ = args
         info = EvalGradHessian(
             jnp.zeros((), y.dtype),
@@ -88,14 +86,10 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
             result=optx.RESULTS.successful,
         )
 
-    def step(
-        self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
-    ) -> tuple[Any, _State, Any]:
+    def step(self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any) -> tuple[Any, _State, Any]:
         problem, _, penalty = args
         value, gradient, matrix, feet = evaluate(problem, state.trial, state.feet, penalty)
-        trial_info = EvalGradHessian(
-            value, gradient, lx.MatrixLinearOperator(matrix, lx.positive_semidefinite_tag)
-        )
+        trial_info = EvalGradHessian(value, gradient, lx.MatrixLinearOperator(matrix, lx.positive_semidefinite_tag))
         step_size, accept, search_result, search = self.search.step(
             state.first_step, y, state.trial, state.info, trial_info, state.search
         )
@@ -109,9 +103,7 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
         state = _State(jnp.asarray(False), y + step, search, info, feet, info, done, result)
         return y, state, feet
 
-    def terminate(
-        self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
-    ) -> tuple[Any, Any]:
+    def terminate(self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any) -> tuple[Any, Any]:
         return state.done, state.result
 
     def postprocess(
@@ -151,9 +143,7 @@ def solve(
     args = (problem, feet, penalty)
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
         if progress is silent:
-            found = optx.minimise(
-                _objective, solver, theta, args, has_aux=True, max_steps=max_steps, throw=False
-            )
+            found = optx.minimise(_objective, solver, theta, args, has_aux=True, max_steps=max_steps, throw=False)
             return Solved(found.value, found.aux, found.stats["num_steps"], found.result)
         return _stepwise(solver, theta, args, max_steps, progress, phase)
 
@@ -185,8 +175,6 @@ def _stepwise(
 
 
 @eqx.filter_jit
-def _compiled_step(
-    solver: NormalEquationsSolver, theta: Array, args: Any, state: _State
-) -> tuple[Array, _State]:
+def _compiled_step(solver: NormalEquationsSolver, theta: Array, args: Any, state: _State) -> tuple[Array, _State]:
     theta, state, _ = solver.step(_objective, theta, args, {}, state, frozenset())
     return theta, state

@@ -25,9 +25,7 @@ class Decoder:
             "complex": lambda node, place: complex(*map(float, node["complex"])),
             "list": lambda node, place: self._items(node["list"], place),
             "tuple": lambda node, place: tuple(self._items(node["tuple"], place)),
-            "dict": lambda node, place: {
-                k: self.decode(v, f"{place}[{k!r}]") for k, v in node["dict"].items()
-            },
+            "dict": lambda node, place: {k: self.decode(v, f"{place}[{k!r}]") for k, v in node["dict"].items()},
             "array": self._array,
             "registered": lambda node, place: self._class(node["registered"], place),
             "class": self._module,

@@ -29,9 +29,7 @@ def encode(value: Any, place: str, arrays: list[np.ndarray]) -> object:
     if kind is dict:
         for key in value:
             if type(key) is not str:
-                raise InputError(
-                    f"Cannot save `{place}`: expected strings as keys, got {key!r}; rename the key."
-                )
+                raise InputError(f"Cannot save `{place}`: expected strings as keys, got {key!r}; rename the key.")
         return {"dict": {key: encode(item, f"{place}[{key!r}]", arrays) for key, item in value.items()}}
     if isinstance(value, (jax.Array, np.generic)) or kind in (np.ndarray, np.memmap):
         return _encode_array(value, place, arrays)
@@ -60,9 +58,7 @@ def _encode_array(value: jax.Array | np.ndarray | np.generic, place: str, arrays
     array = value
     if isinstance(value, jax.Array):
         if isinstance(value, jax.core.Tracer):
-            raise InputError(
-                f"Cannot save `{place}`: it is traced and has no value yet; save outside of jit."
-            )
+            raise InputError(f"Cannot save `{place}`: it is traced and has no value yet; save outside of jit.")
         if value.is_deleted():
             raise InputError(f"Cannot save `{place}`: its array was deleted or donated; save before it is.")
         if not value.is_fully_addressable:
@@ -73,9 +69,7 @@ def _encode_array(value: jax.Array | np.ndarray | np.generic, place: str, arrays
             array = jax.random.key_data(value)
     array = np.asarray(array)
     if array.dtype.hasobject or array.dtype.names is not None:
-        raise InputError(
-            f"Cannot save `{place}`: its array has the dtype {array.dtype}; expected plain numbers."
-        )
+        raise InputError(f"Cannot save `{place}`: its array has the dtype {array.dtype}; expected plain numbers.")
     if node["kind"] in ("jax", "key"):
         array = array.astype(array.dtype.newbyteorder("<"), copy=False)
     node |= {"dtype": array.dtype.name, "shape": list(array.shape)}

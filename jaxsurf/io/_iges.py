@@ -36,9 +36,7 @@ def write_iges(path: str | os.PathLike, shapes: Any, *, unit: str = "mm") -> Non
         model.SetGlobalSection(header)
         for part in parts:
             if not writer.AddShape(part):
-                raise InputError(
-                    "write_iges: OCCT cannot translate one of these shapes to IGES; write STEP instead."
-                )
+                raise InputError("write_iges: OCCT cannot translate one of these shapes to IGES; write STEP instead.")
         writer.ComputeModel()
         text = occt("IGESData").IGESData_IGESWriter(writer.Model())
         # OCCT's own format stops after 10 digits.

@@ -43,18 +43,14 @@ def read_las(path: Path, data: bytes) -> Rows:
 
     points = guarded(path, "LAS", read)
     if len(points) != promise.points:
-        raise refusal(
-            path, f"expected {promise.points} points as its LAS header says, got {len(points)}; {_CUT}"
-        )
+        raise refusal(path, f"expected {promise.points} points as its LAS header says, got {len(points)}; {_CUT}")
     return Rows(points)
 
 
 def _checked_header(path: Path, data: bytes) -> _Promise:
     """Compare the header's counts with the file's length: laspy loops and allocates for whatever they say."""
     if not data.startswith(b"LASF"):
-        raise refusal(
-            path, f"expected a LAS file, which begins with 'LASF', got {data[:12]!r}; check its suffix"
-        )
+        raise refusal(path, f"expected a LAS file, which begins with 'LASF', got {data[:12]!r}; check its suffix")
     if len(data) < _SHORTEST_HEADER:
         raise refusal(path, f"expected a LAS header of {_SHORTEST_HEADER} bytes, got {len(data)}; {_CUT}")
     size, start, records, kind, length, points = struct.unpack_from("<HIIBHI", data, 94)
@@ -68,8 +64,7 @@ def _checked_header(path: Path, data: bytes) -> _Promise:
     if not compressed and start + points * length > len(data):
         raise refusal(
             path,
-            f"expected {points * length} bytes for the {points} points of its LAS header, "
-            f"got {len(data) - start}; {_CUT}",
+            f"expected {points * length} bytes for the {points} points of its LAS header, got {len(data) - start}; {_CUT}",
         )
     return _Promise(points, start, length, compressed)
 

@@ -45,9 +45,7 @@ def write_mesh(
         normals = _rows("normals", normals, count=len(vertices))
     if colours is not None:
         if suffix == ".stl":
-            raise InputError(
-                "`colours` have no place in STL files; leave them out or write .ply, .obj or .glb."
-            )
+            raise InputError("`colours` have no place in STL files; leave them out or write .ply, .obj or .glb.")
         colours = _colours(colours, len(vertices))
     trimesh = import_optional("trimesh", extra="mesh", purpose="writing meshes")
     content = _encoded(trimesh, suffix, vertices, faces, normals, colours)
@@ -65,16 +63,12 @@ def _encoded(
 ) -> bytes:
     with np.errstate(all="ignore"):  # normals of triangles without area; they come out as zeros
         # validate=False: nothing is merged, dropped or turned
-        mesh = trimesh.Trimesh(
-            vertices, faces, vertex_normals=normals, vertex_colors=colours, process=False, validate=False
-        )
+        mesh = trimesh.Trimesh(vertices, faces, vertex_normals=normals, vertex_colors=colours, process=False, validate=False)
         if suffix == ".stl":
             return mesh.export(file_type="stl")
         if suffix == ".obj":
             decimals = max(8, _DIGITS - 1 - int(np.floor(np.log10(max(np.abs(vertices).max(), 1e-300)))))
-            text = mesh.export(
-                file_type="obj", include_normals=normals is not None, digits=decimals, header=None
-            )
+            text = mesh.export(file_type="obj", include_normals=normals is not None, digits=decimals, header=None)
             return text.encode()
         if suffix == ".ply":
             return mesh.export(file_type="ply", vertex_normal=normals is not None)
@@ -95,9 +89,7 @@ def _rows(name: str, values: ArrayLike, *, count: int | None = None) -> np.ndarr
     bad = ~(np.abs(array) <= largest).all(axis=1)  # NaN compares false
     if bad.any():
         first = int(bad.argmax())
-        raise InputError(
-            f"`{name}` must be finite and at most {largest:.3g}, got {array[first].tolist()} in row {first}."
-        )
+        raise InputError(f"`{name}` must be finite and at most {largest:.3g}, got {array[first].tolist()} in row {first}.")
     return array
 
 
@@ -112,9 +104,7 @@ def _faces(faces: ArrayLike, count: int) -> np.ndarray:
     bad = ((array < 0) | (array >= count)).any(axis=1)
     if bad.any():
         first = int(bad.argmax())
-        raise InputError(
-            f"`faces` must be indices from 0 to {count - 1}, got {array[first].tolist()} in row {first}."
-        )
+        raise InputError(f"`faces` must be indices from 0 to {count - 1}, got {array[first].tolist()} in row {first}.")
     return array.astype(np.int64)
 
 
@@ -129,7 +119,6 @@ def _colours(colours: ArrayLike, count: int) -> np.ndarray:
     if bad.any():
         first = int(bad.argmax())
         raise InputError(
-            f"`colours` of dtype {array.dtype} must lie between 0 and {highest}, "
-            f"got {array[first].tolist()} in row {first}."
+            f"`colours` of dtype {array.dtype} must lie between 0 and {highest}, got {array[first].tolist()} in row {first}."
         )
     return array.astype(np.uint8) if highest == 255 else np.round(array * 255).astype(np.uint8)

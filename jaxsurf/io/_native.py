@@ -39,9 +39,7 @@ def save(path: str | os.PathLike, shape: object) -> None:
         tree = encode(shape, "shape", arrays)
         header = json.dumps({"format": _FORMAT, "version": _VERSION, "tree": tree}, allow_nan=False)
     except RecursionError as error:
-        raise InputError(
-            "Cannot save `shape`: it is nested too deeply, or holds itself; flatten it."
-        ) from error
+        raise InputError("Cannot save `shape`: it is nested too deeply, or holds itself; flatten it.") from error
     with replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         archive.writestr(zipfile.ZipInfo(_HEADER), header)
         for number, array in enumerate(arrays):
@@ -60,20 +58,14 @@ def load(path: str | os.PathLike) -> Any:
     if not data.startswith(b"PK"):
         raise refusal(path, "expected a file written by `jaxsurf.save`, got another format; check its name")
     entries = zip_entries(path, data)
-    foreign = refusal(
-        path, "expected a file written by `jaxsurf.save`, got another zip archive; check its name"
-    )
+    foreign = refusal(path, "expected a file written by `jaxsurf.save`, got another zip archive; check its name")
     if _HEADER not in entries:
         raise foreign
     try:
         header = json.loads(entries[_HEADER])
     except (ValueError, RecursionError) as error:
         raise refusal(path, "its description is damaged; save the shape again") from error
-    if (
-        not isinstance(header, dict)
-        or header.get("format") != _FORMAT
-        or type(header.get("version")) is not int
-    ):
+    if not isinstance(header, dict) or header.get("format") != _FORMAT or type(header.get("version")) is not int:
         raise foreign
     if not 1 <= header["version"] <= _VERSION:
         raise refusal(

@@ -22,9 +22,7 @@ def array_from_npy(path: Path, data: bytes, *, name: str = "the array") -> np.nd
     stream = io.BytesIO(data)
     try:
         version = np.lib.format.read_magic(stream)
-        read_header = (
-            np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        )
+        read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, fortran, dtype = read_header(stream)
     except Exception as error:  # a damaged header may raise nearly anything: it is parsed as Python
         raise refusal(
@@ -60,9 +58,7 @@ def zip_entries(path: Path, data: bytes) -> dict[str, bytes]:
         ValueError,
         NotImplementedError,
     ) as error:
-        raise refusal(
-            path, f"the file is cut or damaged ({reason(error)}); copy it again from its source"
-        ) from error
+        raise refusal(path, f"the file is cut or damaged ({reason(error)}); copy it again from its source") from error
 
 
 def read_npy(path: Path, data: bytes) -> Rows:
@@ -89,26 +85,19 @@ def read_npz(path: Path, data: bytes) -> Rows:
         return _as_points(path, np.stack(axes, axis=1), "the arrays `x`, `y` and `z`")
     raise refusal(
         path,
-        f"expected an array called `points`, got {', '.join(sorted(entries)) or 'none'}; "
-        "save it under that name",
+        f"expected an array called `points`, got {', '.join(sorted(entries)) or 'none'}; save it under that name",
     )
 
 
 def _as_points(path: Path, array: np.ndarray, name: str) -> Rows:
     if array.dtype.names is not None:
         if not all(axis in array.dtype.names for axis in "xyz") or array.ndim != 1:
-            raise refusal(
-                path, f"expected the fields x, y and z in {name}, got {', '.join(array.dtype.names)}"
-            )
+            raise refusal(path, f"expected the fields x, y and z in {name}, got {', '.join(array.dtype.names)}")
         array = np.stack([array[axis] for axis in "xyz"], axis=-1)
     if array.dtype.kind not in "fiu":
-        raise refusal(
-            path, f"expected real numbers in {name}, got the dtype {array.dtype}; save it as float64"
-        )
+        raise refusal(path, f"expected real numbers in {name}, got the dtype {array.dtype}; save it as float64")
     if array.ndim != 2 or array.shape[1] < 3:
-        raise refusal(
-            path, f"expected the shape (N, 3) of {name}, got {array.shape}; save one point in a row"
-        )
+        raise refusal(path, f"expected the shape (N, 3) of {name}, got {array.shape}; save one point in a row")
     if array.shape[0] == 3 and array.shape[1] > 3:
         raise refusal(
             path,

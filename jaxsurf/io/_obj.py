@@ -23,9 +23,7 @@ def read_obj(path: Path, data: bytes) -> Rows:
         elif line.startswith(("f ", "f\t")):
             faces.append(line[2:].partition("#")[0].removesuffix("\\"))
     if not rows:
-        raise refusal(
-            path, "expected lines 'v x y z', got none; check that it is a Wavefront OBJ file with points"
-        )
+        raise refusal(path, "expected lines 'v x y z', got none; check that it is a Wavefront OBJ file with points")
     width = len(rows[0].split())
     if width < 4:
         raise refusal(path, f"expected 3 coordinates in line {numbers[0]}, got {rows[0][:60]!r}; {_CUT}")

@@ -30,10 +30,7 @@ def topology(shape, *, function: str):
 
     Raises `InputError` for types that no CAD file knows and flat curves, and OCCT's own errors.
     """
-    raise InputError(
-        f"{function} cannot write a {type(shape).__name__}: "
-        f"convert it first with `js.to_bspline(shape, tol)`."
-    )
+    raise InputError(f"{function} cannot write a {type(shape).__name__}: convert it first with `js.to_bspline(shape, tol)`.")
 
 
 @topology.register(BSplineCurve)
@@ -41,9 +38,7 @@ def topology(shape, *, function: str):
 def _(shape, *, function: str):
     arrays = spline_arrays(shape)
     if arrays.points.shape[-1] != 3:
-        raise InputError(
-            f"{function} writes curves in space, got one with 2-D `control_points`: add a third column."
-        )
+        raise InputError(f"{function} writes curves in space, got one with 2-D `control_points`: add a third column.")
     return occt("BRepBuilderAPI").BRepBuilderAPI_MakeEdge(space_curve(arrays)).Edge()
 
 

@@ -48,9 +48,7 @@ def geometric_surface(arrays: SplineArrays):
         rational = (weights,)
     knots_u, counts_u, degree_u = _knots_and_degree(arrays, 0)
     knots_v, counts_v, degree_v = _knots_and_degree(arrays, 1)
-    return geom.Geom_BSplineSurface(
-        poles, *rational, knots_u, knots_v, counts_u, counts_v, degree_u, degree_v
-    )
+    return geom.Geom_BSplineSurface(poles, *rational, knots_u, knots_v, counts_u, counts_v, degree_u, degree_v)
 
 
 def curve_arrays(curve) -> SplineArrays:
@@ -96,8 +94,7 @@ def _knots_and_degree(arrays: SplineArrays, direction: int):
     degree = arrays.degrees[direction]
     if degree > LARGEST_DEGREE:
         raise InputError(
-            f"Degrees in a CAD file go up to {LARGEST_DEGREE}, got {degree}: "
-            f"lower it with `js.to_bspline(shape, tol)`."
+            f"Degrees in a CAD file go up to {LARGEST_DEGREE}, got {degree}: lower it with `js.to_bspline(shape, tol)`."
         )
     knots, counts = np.unique(arrays.knots[direction], return_counts=True)
     close = np.flatnonzero(np.diff(knots) <= np.spacing(np.abs(knots[:-1])))

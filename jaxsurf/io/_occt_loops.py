@@ -91,9 +91,7 @@ def _joined(pieces) -> SplineArrays:
         end = inner[-1]
     _check_closed(pieces)
     closed = np.concatenate([*points, points[0][:1]])
-    return SplineArrays(
-        closed, None, (np.concatenate([knots[0][:1], *knots, [end] * (degree + 1)]),), (degree,)
-    )
+    return SplineArrays(closed, None, (np.concatenate([knots[0][:1], *knots, [end] * (degree + 1)]),), (degree,))
 
 
 def _check_closed(pieces) -> None:

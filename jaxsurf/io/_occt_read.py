@@ -33,9 +33,7 @@ def shapes_of(topology, *, source: str, faces: int = 0) -> list[Any]:
     lost = max(faces - found, 0) + len(troubles)
     if lost:
         reason = troubles[0] if troubles else "OCCT could not translate them"
-        warnings.warn(
-            f"{lost} of the shapes in {source!r} cannot be read and are left out: {reason}.", stacklevel=3
-        )
+        warnings.warn(f"{lost} of the shapes in {source!r} cannot be read and are left out: {reason}.", stacklevel=3)
     return shapes
 
 
@@ -101,9 +99,7 @@ def _surface(face):
     surface = _spline_surface(arrays)
     if not loops:
         return surface
-    return TrimmedSurface(
-        surface, tuple(BSplineCurve(loop.points, loop.knots[0], loop.degrees[0]) for loop in loops)
-    )
+    return TrimmedSurface(surface, tuple(BSplineCurve(loop.points, loop.knots[0], loop.degrees[0]) for loop in loops))
 
 
 def _box(loops: list[SplineArrays], geometry) -> np.ndarray:
@@ -171,9 +167,7 @@ def _flipped(arrays: SplineArrays, loops: list[SplineArrays]) -> tuple[SplineArr
     weights = None if arrays.weights is None else arrays.weights[::-1]
     flipped = SplineArrays(arrays.points[::-1], weights, (both - knots_u[::-1], knots_v), arrays.degrees)
     mirror, shift = np.array([-1.0, 1.0]), np.array([both, 0.0])
-    return flipped, [
-        turned(SplineArrays(loop.points * mirror + shift, None, loop.knots, loop.degrees)) for loop in loops
-    ]
+    return flipped, [turned(SplineArrays(loop.points * mirror + shift, None, loop.knots, loop.degrees)) for loop in loops]
 
 
 def _spline_surface(arrays: SplineArrays) -> BSplineSurface | NURBSSurface:

@@ -109,9 +109,7 @@ def _distance(edge, curve, surface) -> float:
     on_surface = occt("Adaptor3d").Adaptor3d_CurveOnSurface(
         occt("Geom2dAdaptor").Geom2dAdaptor_Curve(curve), occt("GeomAdaptor").GeomAdaptor_Surface(surface)
     )
-    measure = occt("BRepLib").BRepLib_ValidateEdge(
-        occt("BRepAdaptor").BRepAdaptor_Curve(edge), on_surface, True
-    )
+    measure = occt("BRepLib").BRepLib_ValidateEdge(occt("BRepAdaptor").BRepAdaptor_Curve(edge), on_surface, True)
     measure.Process()
     return measure.GetMaxDistance()
 

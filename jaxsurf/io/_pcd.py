@@ -13,9 +13,7 @@ from ._source import guarded, refusal
 from ._text import parse_table, refuse_cut_end, text_lines
 
 _CUT = "the file is cut or damaged, copy or export it again"
-_KINDS = {"F4": "<f4", "F8": "<f8"} | {
-    f"{sign}{size}": f"<{sign.lower()}{size}" for sign in "IU" for size in (1, 2, 4, 8)
-}
+_KINDS = {"F4": "<f4", "F8": "<f8"} | {f"{sign}{size}": f"<{sign.lower()}{size}" for sign in "IU" for size in (1, 2, 4, 8)}
 _LONGEST = 1 << 16  # bytes of the header
 
 
@@ -33,9 +31,7 @@ def read_pcd(path: Path, data: bytes) -> Rows:
     """The fields x, y and z; text, binary, and (with the package `pypcd4`) compressed."""
     header = _read_header(path, data)
     if any(header.fields.count(axis) != 1 for axis in "xyz"):
-        raise refusal(
-            path, f"expected the PCD fields x, y and z, got {' '.join(header.fields)}; export it again"
-        )
+        raise refusal(path, f"expected the PCD fields x, y and z, got {' '.join(header.fields)}; export it again")
     body = data[header.size :]
     if header.encoding == "ascii":
         return _read_text(path, data, header)
@@ -48,9 +44,7 @@ def read_pcd(path: Path, data: bytes) -> Rows:
     promised = header.points * record.itemsize
     if header.encoding == "binary":
         if len(body) < promised or body[promised:].strip(b"\r\n\0"):
-            raise refusal(
-                path, f"expected {promised} bytes for {header.points} PCD points, got {len(body)}; {_CUT}"
-            )
+            raise refusal(path, f"expected {promised} bytes for {header.points} PCD points, got {len(body)}; {_CUT}")
         records = np.frombuffer(body, dtype=record, count=header.points)
         axes = [records[str(header.fields.index(axis))][:, 0] for axis in "xyz"]
         return Rows(np.stack([axis.astype(np.float64) for axis in axes], axis=1))
@@ -74,17 +68,11 @@ def _read_header(path: Path, data: bytes) -> _Header:
         (encoding,) = entries["DATA"]
         good = len(fields) == len(kinds) == len(counts) and min(counts, default=0) > 0 and points >= 0
     except (KeyError, ValueError, IndexError) as error:
-        raise refusal(
-            path, "its PCD header is not complete (FIELDS, SIZE, TYPE, WIDTH, HEIGHT, DATA); " + _CUT
-        ) from error
+        raise refusal(path, "its PCD header is not complete (FIELDS, SIZE, TYPE, WIDTH, HEIGHT, DATA); " + _CUT) from error
     if not good or encoding not in ("ascii", "binary", "binary_compressed"):
-        raise refusal(
-            path, f"its PCD header contradicts itself, or its DATA {encoding!r} is unknown; export it again"
-        )
+        raise refusal(path, f"its PCD header contradicts itself, or its DATA {encoding!r} is unknown; export it again")
     if points != extent:
-        raise refusal(
-            path, f"its PCD header promises {points} POINTS, but WIDTH x HEIGHT is {extent}; export it again"
-        )
+        raise refusal(path, f"its PCD header promises {points} POINTS, but WIDTH x HEIGHT is {extent}; export it again")
     return _Header(fields, kinds, counts, points, encoding, size, lines)
 
 
@@ -93,9 +81,7 @@ def _read_text(path: Path, data: bytes, header: _Header) -> Rows:
     numbers = [number for number, line in enumerate(lines, start=header.lines + 1) if line.strip()]
     rows = [line for line in lines if line.strip()]
     if len(rows) != header.points:
-        raise refusal(
-            path, f"expected {header.points} PCD points as its header says, got {len(rows)} rows; {_CUT}"
-        )
+        raise refusal(path, f"expected {header.points} PCD points as its header says, got {len(rows)} rows; {_CUT}")
     columns = [sum(header.counts[: header.fields.index(axis)]) for axis in "xyz"]
     points = parse_table(path, rows, numbers, columns=columns, width=sum(header.counts))
     if rows:

@@ -19,9 +19,7 @@ def read_ply(path: Path, data: bytes) -> Rows:
     header = read_header(path, data)
     vertices = [element for element in header.elements if element.name == "vertex"]
     if len(vertices) != 1:
-        raise refusal(
-            path, f"expected one element 'vertex' in its PLY header, got {len(vertices)}; export it again"
-        )
+        raise refusal(path, f"expected one element 'vertex' in its PLY header, got {len(vertices)}; export it again")
     names = [property.name.lower() for property in vertices[0].properties]
     scalars = [property.name.lower() for property in vertices[0].properties if property.length_type is None]
     if any(scalars.count(axis) != 1 for axis in "xyz"):
@@ -43,17 +41,13 @@ def _read_text(path: Path, data: bytes, header: Header, columns: list[int]) -> R
     promised = sum(element.count for element in elements)
     if promised != len(rows):
         counts = " + ".join(f"{element.count} {element.name}" for element in elements)
-        raise refusal(
-            path, f"expected {promised} rows after its PLY header ({counts}), got {len(rows)}; {_CUT}"
-        )
+        raise refusal(path, f"expected {promised} rows after its PLY header ({counts}), got {len(rows)}; {_CUT}")
     start, points, labels = 0, np.empty((0, 3)), []
     for element in elements:
         mine, theirs = rows[start : start + element.count], numbers[start : start + element.count]
         start += element.count
         if element.has_lists:
-            cells = [
-                _flat_cells(path, row, element, number) for row, number in zip(mine, theirs, strict=True)
-            ]
+            cells = [_flat_cells(path, row, element, number) for row, number in zip(mine, theirs, strict=True)]
             if element.name == "vertex":
                 mine = [" ".join(row[column] for column in columns) for row in cells]
                 points, labels = parse_table(path, mine, theirs, columns=(0, 1, 2), width=3), theirs
@@ -83,7 +77,6 @@ def _flat_cells(path: Path, row: str, element: Element, number: int) -> list[str
     if at != len(cells):
         raise refusal(
             path,
-            f"expected {element.name} data as its PLY header says in line {number}, "
-            f"got {row.strip()[:60]!r}; {_CUT}",
+            f"expected {element.name} data as its PLY header says in line {number}, got {row.strip()[:60]!r}; {_CUT}",
         )
     return first

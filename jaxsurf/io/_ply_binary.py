@@ -23,9 +23,7 @@ def read_binary(path: Path, data: bytes, header: Header, columns: Sequence[int])
         if not element.properties or not element.count:
             continue
         # Every row has at least its numbers and list lengths: a lying count stops here, unallocated.
-        least = element.count * sum(
-            _size(property.length_type or property.type) for property in element.properties
-        )
+        least = element.count * sum(_size(property.length_type or property.type) for property in element.properties)
         if least > len(data) - offset:
             raise _too_short(path, element, least, len(data) - offset)
         wanted = columns if element.name == "vertex" else ()
@@ -51,17 +49,13 @@ def _read_element(
         layout = np.dtype(
             {
                 "names": [str(k) for k in range(len(first[0]))],
-                "formats": [
-                    order + (property.length_type or property.type) for property in element.properties
-                ],
+                "formats": [order + (property.length_type or property.type) for property in element.properties],
                 "offsets": [place - offset for place in first[0]],
                 "itemsize": size,
             }
         )
         records = np.frombuffer(data, dtype=layout, count=element.count, offset=offset)
-        lengths = [
-            str(k) for k, property in enumerate(element.properties) if property.length_type is not None
-        ]
+        lengths = [str(k) for k, property in enumerate(element.properties) if property.length_type is not None]
         if all((records[name] == records[name][0]).all() for name in lengths):
             table = [records[str(k)].astype(np.float64) for k in columns]
             return np.stack(table or [np.empty(0)], axis=1), offset + size * element.count
@@ -73,9 +67,7 @@ def _read_element(
     return table, end
 
 
-def _walk(
-    path: Path, data: bytes, offset: int, element: Element, order: str, rows: int
-) -> tuple[list[list[int]], int]:
+def _walk(path: Path, data: bytes, offset: int, element: Element, order: str, rows: int) -> tuple[list[list[int]], int]:
     """Where every property of every row begins, list by list, and the offset behind the last row."""
     steps = []
     for property in element.properties:
@@ -92,9 +84,7 @@ def _walk(
                 else:
                     items = length.unpack_from(data, offset)[0]
                     if items < 0:
-                        raise refusal(
-                            path, f"a list of its {element.name} data has the length {items}; {_CUT}"
-                        )
+                        raise refusal(path, f"a list of its {element.name} data has the length {items}; {_CUT}")
                     offset += length.size + size * items
             places.append(row)
     except struct.error:
@@ -111,6 +101,5 @@ def _size(kind: str) -> int:
 def _too_short(path: Path, element: Element, expected: int, got: int):
     return refusal(
         path,
-        f"expected at least {expected} more bytes for {element.count} rows of {element.name} data, "
-        f"got {got}; {_CUT}",
+        f"expected at least {expected} more bytes for {element.count} rows of {element.name} data, got {got}; {_CUT}",
     )

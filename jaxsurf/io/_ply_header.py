@@ -52,14 +52,10 @@ class Header(NamedTuple):
 def read_header(path: Path, data: bytes) -> Header:
     """Parse the header; `InputError` names the line that is not understood."""
     if not data.startswith((b"ply\n", b"ply\r", b"ply ")):
-        raise refusal(
-            path, f"expected a PLY file, which begins with 'ply', got {data[:12]!r}; check its suffix"
-        )
+        raise refusal(path, f"expected a PLY file, which begins with 'ply', got {data[:12]!r}; check its suffix")
     end = re.compile(rb"(?:\r\n|\n|\r)end_header[ \t]*(\r\n|\n|\r|$)").search(data, 0, _LONGEST)
     if end is None:
-        raise refusal(
-            path, "expected the line 'end_header', got none; the file is cut or damaged, copy it again"
-        )
+        raise refusal(path, "expected the line 'end_header', got none; the file is cut or damaged, copy it again")
     size = end.end()
     if end.group(1) == b"\r\n" and data[end.start() : end.start() + 2] not in (b"\r\n", b"\ne"):
         size -= 1  # the header's lines end in CR alone: this LF is the first byte of the data
@@ -80,11 +76,7 @@ def read_header(path: Path, data: bytes) -> Header:
             case ["property", kind, name] if elements and kind in _TYPES:
                 elements[-1][2].append(Property(name, _TYPES[kind]))
             case _:
-                raise refusal(
-                    path, f"line {number} of its PLY header is not understood: {line[:60]!r}; export it again"
-                )
+                raise refusal(path, f"line {number} of its PLY header is not understood: {line[:60]!r}; export it again")
     if order is None:
         raise refusal(path, "expected a line 'format ...' in its PLY header, got none; export it again")
-    return Header(
-        order, tuple(Element(name, count, tuple(rest)) for name, count, rest in elements), size, len(lines)
-    )
+    return Header(order, tuple(Element(name, count, tuple(rest)) for name, count, rest in elements), size, len(lines))

@@ -58,7 +58,5 @@ def read_points(path: str | os.PathLike) -> np.ndarray:
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         suffix = repr(path.suffix) if path.suffix else "no suffix"
-        raise refusal(
-            path, f"expected a suffix among {' '.join(_READERS)}, got {suffix}; rename or convert it"
-        )
+        raise refusal(path, f"expected a suffix among {' '.join(_READERS)}, got {suffix}; rename or convert it")
     return checked_points(path, reader(path, data))

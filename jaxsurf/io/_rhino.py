@@ -33,9 +33,7 @@ def write_3dm(path: str | os.PathLike, shapes: Any, *, unit: str = "mm") -> None
         model.Objects.Add(geometry)
     with replacing(path) as temporary:
         if not model.Write(str(temporary), 0):
-            raise InputError(
-                f"Cannot write {str(path)!r}: rhino3dm could not write the file; check the space on the disk."
-            )
+            raise InputError(f"Cannot write {str(path)!r}: rhino3dm could not write the file; check the space on the disk.")
 
 
 def _rhino():
@@ -45,16 +43,12 @@ def _rhino():
 @functools.singledispatch
 def _geometry(shape):
     """A shape as a rhino3dm object."""
-    raise InputError(
-        f"write_3dm cannot write a {type(shape).__name__}: convert it with `js.to_bspline(shape, tol)`."
-    )
+    raise InputError(f"write_3dm cannot write a {type(shape).__name__}: convert it with `js.to_bspline(shape, tol)`.")
 
 
 @_geometry.register
 def _(shape: TrimmedSurface):
-    raise InputError(
-        "write_3dm writes whole surfaces only, got a TrimmedSurface: write a STEP file (`js.io.write_step`)."
-    )
+    raise InputError("write_3dm writes whole surfaces only, got a TrimmedSurface: write a STEP file (`js.io.write_step`).")
 
 
 @_geometry.register(BSplineCurve)
@@ -62,9 +56,7 @@ def _(shape: TrimmedSurface):
 def _(shape):
     arrays = spline_arrays(shape)
     if arrays.points.shape[-1] != 3:
-        raise InputError(
-            "write_3dm writes curves in space, got one with 2-D `control_points`: add a third column."
-        )
+        raise InputError("write_3dm writes curves in space, got one with 2-D `control_points`: add a third column.")
     count, order = len(arrays.points), arrays.degrees[0] + 1
     curve = _rhino().NurbsCurve(3, arrays.weights is not None, order, count)
     for i, point in enumerate(_homogeneous_points(arrays)):
@@ -104,7 +96,6 @@ def _set_knots(target, arrays: SplineArrays, direction: int) -> None:
 def _checked(geometry, shape):
     if not geometry.IsValid:
         raise InputError(
-            f"write_3dm: Rhino refuses this {type(shape).__name__}; "
-            f"look for coinciding control points and tiny knot spans."
+            f"write_3dm: Rhino refuses this {type(shape).__name__}; look for coinciding control points and tiny knot spans."
         )
     return geometry

@@ -13,9 +13,7 @@ def each_shape(shapes: Any, convert: Callable[[Any], Written], *, function: str)
     if not isinstance(shapes, list | tuple):
         return [convert(shapes)]
     if not shapes:
-        raise InputError(
-            f"`shapes` of {function} must hold at least one shape, got an empty {type(shapes).__name__}."
-        )
+        raise InputError(f"`shapes` of {function} must hold at least one shape, got an empty {type(shapes).__name__}.")
     converted = []
     for i, shape in enumerate(shapes):
         try:

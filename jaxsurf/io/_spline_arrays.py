@@ -59,9 +59,7 @@ def _(shape: NURBSSurface) -> SplineArrays:
 def _standard(shape, weights, knot_names, degrees, periodic) -> SplineArrays:
     points = _finite(shape, "control_points", shape.control_points)
     if not np.any(points != points.reshape(-1, points.shape[-1])[0]):
-        raise InputError(
-            f"`control_points` of a {type(shape).__name__} are all the same point: leave the shape out."
-        )
+        raise InputError(f"`control_points` of a {type(shape).__name__} are all the same point: leave the shape out.")
     knots = [_finite(shape, name, getattr(shape, name)) for name in knot_names]
     if weights is not None:
         weights = _finite(shape, "weights", weights)

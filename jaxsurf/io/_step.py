@@ -47,9 +47,7 @@ def write_step(path: str | os.PathLike, shapes: Any, *, unit: str = "mm", name: 
         control = occt("STEPControl")
         writer = control.STEPControl_Writer()
         if writer.Transfer(part, control.STEPControl_StepModelType.STEPControl_AsIs) != _done():
-            raise InputError(
-                "write_step: OCCT cannot translate these shapes to STEP; write them one by one to find which."
-            )
+            raise InputError("write_step: OCCT cannot translate these shapes to STEP; write them one by one to find which.")
         content = _text(writer.Model(), path.stem if name is None else name)
     with replacing(path) as temporary:
         temporary.write_bytes(content)
@@ -70,9 +68,7 @@ def read_step(path: str | os.PathLike, *, unit: str | None = None) -> list[Any]:
         reader.TransferRoots()
         shapes = shapes_of(reader.OneShape(), source=str(path), faces=faces) if reader.NbShapes() else []
     if not shapes:
-        raise refusal(
-            path, "the STEP file holds no faces and no curves; export surfaces or solids, not a mesh"
-        )
+        raise refusal(path, "the STEP file holds no faces and no curves; export surfaces or solids, not a mesh")
     return shapes
 
 
@@ -91,9 +87,7 @@ def _opened(path: str | os.PathLike) -> Iterator[tuple[Any, int]]:
     with quiet_session({"xstep.cascade.unit": "MM"}):
         reader = occt("STEPControl").STEPControl_Reader()
         if reader.ReadStream(Path(path).name, io.BytesIO(data)) != _done():
-            raise refusal(
-                path, "OCCT cannot make out its content; the STEP file is damaged, export or copy it again"
-            )
+            raise refusal(path, "OCCT cannot make out its content; the STEP file is damaged, export or copy it again")
         check_entities(path, reader.StepModel())
         yield reader, faces
 
@@ -147,9 +141,7 @@ def _escaped(text: str) -> str:
     """Characters outside ASCII in the way of ISO 10303-21."""
     basic = max(map(ord, text), default=0) < 0x10000
     start, encoding = ("\\X2\\", "utf-16-be") if basic else ("\\X4\\", "utf-32-be")
-    return re.sub(
-        r"[^\x20-\x7e]+", lambda run: start + run[0].encode(encoding).hex().upper() + "\\X0\\", text
-    )
+    return re.sub(r"[^\x20-\x7e]+", lambda run: start + run[0].encode(encoding).hex().upper() + "\\X0\\", text)
 
 
 @functools.cache

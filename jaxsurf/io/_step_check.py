@@ -17,18 +17,14 @@ def check_whole(path: str | os.PathLike, data: bytes) -> int:
     if not data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"ISO-10303-21"):
         raise refusal(path, "it does not begin with ISO-10303-21, so it is no STEP file; export it as STEP")
     if b"END-ISO-10303-21" not in data:
-        raise refusal(
-            path, "the line END-ISO-10303-21 is missing, so the STEP file is cut; export or copy it again"
-        )
+        raise refusal(path, "the line END-ISO-10303-21 is missing, so the STEP file is cut; export or copy it again")
     plain = _STRINGS_AND_COMMENTS.sub(b"", data)
     defined, used = set(), set()
     for number, equals in _INSTANCE.findall(plain):
         (defined if equals else used).add(int(number))
     missing = used - defined
     if missing:
-        raise refusal(
-            path, f"it refers to #{min(missing)}, which is missing; the STEP file is damaged, copy it again"
-        )
+        raise refusal(path, f"it refers to #{min(missing)}, which is missing; the STEP file is damaged, copy it again")
     return len(_FACE.findall(plain))
 
 

@@ -50,9 +50,7 @@ def _read_text(path: Path, data: bytes) -> Rows:
             if begun != ended or len(rows) != 3 * ended:
                 raise refusal(path, f"expected 3 corners in the facet that ends in line {number}; {_CUT}")
     if begun != ended or last not in ("endsolid", "end"):
-        raise refusal(
-            path, f"expected the line 'endsolid' at its end, got {last!r} in a file of {number} lines; {_CUT}"
-        )
+        raise refusal(path, f"expected the line 'endsolid' at its end, got {last!r} in a file of {number} lines; {_CUT}")
     points = parse_table(path, rows, numbers, columns=(0, 1, 2), width=3)
     return Rows(points, lambda index: f"line {numbers[index]}")
 

@@ -21,9 +21,7 @@ def text_lines(path: Path, data: bytes) -> list[str]:
     else:
         text = data.removeprefix(b"\xef\xbb\xbf").decode("latin-1")
     if "\0" in text:
-        raise refusal(
-            path, "expected text, got binary data; check that the suffix of the file is the right one"
-        )
+        raise refusal(path, "expected text, got binary data; check that the suffix of the file is the right one")
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
     return text.split("\n")  # not splitlines: it also splits at form feeds and Latin-1 bytes
@@ -54,26 +52,18 @@ def parse_table(
     if not rows:
         return np.empty((0, len(columns)))
     try:
-        return np.loadtxt(
-            rows, dtype=np.float64, delimiter=delimiter, usecols=tuple(columns), ndmin=2, comments=None
-        )
+        return np.loadtxt(rows, dtype=np.float64, delimiter=delimiter, usecols=tuple(columns), ndmin=2, comments=None)
     except (ValueError, OverflowError) as error:
         found = re.search(r"at row (\d+)", str(error))
         if found is None:
-            raise refusal(
-                path, "expected numbers in every row, got something else; export it again"
-            ) from error
+            raise refusal(path, "expected numbers in every row, got something else; export it again") from error
         first = int(found.group(1))
         what = rows[first].strip()
         what = what if len(what) <= 60 else what[:57] + "..."
-        raise refusal(
-            path, f"expected numbers in line {numbers[first]}, got {what!r}; correct or remove it"
-        ) from error
+        raise refusal(path, f"expected numbers in line {numbers[first]}, got {what!r}; correct or remove it") from error
 
 
-def refuse_cut_end(
-    path: Path, data: bytes, rows: Sequence[str], number: int, delimiter: str | None = None
-) -> None:
+def refuse_cut_end(path: Path, data: bytes, rows: Sequence[str], number: int, delimiter: str | None = None) -> None:
     """Refuse a last row that stops inside its last number.
 
     Half a number is a number too, so this is seen only when the file has no last line end and the rows before

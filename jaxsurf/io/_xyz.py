@@ -35,9 +35,7 @@ def read_text(path: Path, data: bytes) -> Rows:
     _refuse_decimal_comma(path, rows[0], delimiter, numbers[0])
     width = len(_cells(rows[0], delimiter))
     if names is not None and width != len(names):
-        raise refusal(
-            path, f"expected {len(names)} columns in line {numbers[0]} as in the header, got {width}"
-        )
+        raise refusal(path, f"expected {len(names)} columns in line {numbers[0]} as in the header, got {width}")
     if width < 3:
         raise refusal(
             path,
@@ -110,6 +108,5 @@ def _refuse_decimal_comma(path: Path, row: str, delimiter: str | None, number: i
 def _decimal_comma(path: Path, row: str, number: int):
     return refusal(
         path,
-        f"expected decimal points, got decimal commas in line {number}: {row[:60]!r}; "
-        "export it with decimal points",
+        f"expected decimal points, got decimal commas in line {number}: {row[:60]!r}; export it with decimal points",
     )

@@ -37,9 +37,7 @@ class Boundary:
 
         Knots of the loops are corners always: a loop may have a kink there.
         """
-        return cls(
-            surface, tuple(loops), tuple(_corners(surface, c, stretch, spacing, wanted / 2) for c in loops)
-        )
+        return cls(surface, tuple(loops), tuple(_corners(surface, c, stretch, spacing, wanted / 2) for c in loops))
 
     def polygons(self) -> list[Float[np.ndarray, "k 2"]]:
         """The corners in the parameter plane, the last not repeating the first."""
@@ -67,9 +65,7 @@ class Boundary:
         return max(errors)
 
 
-def loop_points(
-    surface: AbstractSurface, loop: BSplineCurve, parameters: np.ndarray
-) -> Float[np.ndarray, "k 2"]:
+def loop_points(surface: AbstractSurface, loop: BSplineCurve, parameters: np.ndarray) -> Float[np.ndarray, "k 2"]:
     """Points of a loop, put back into the surface's domain where round-off left it."""
     low, high = domain_corners(surface)
     return np.clip(curve_at(loop, parameters), low, high)

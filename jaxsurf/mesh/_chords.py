@@ -6,9 +6,7 @@ from jaxtyping import Float, Int
 from ._distance import to_segment
 
 
-def chord_indices(
-    points: Float[np.ndarray, "n k d"], tolerance: float, span: int = 1
-) -> tuple[Int[np.ndarray, "m"], bool]:
+def chord_indices(points: Float[np.ndarray, "n k d"], tolerance: float, span: int = 1) -> tuple[Int[np.ndarray, "m"], bool]:
     """Indices, first and last included, whose chords keep all k polylines within `tolerance` of all n points.
 
     Intervals are halved while any point in them is further than `tolerance` from its chord, at a multiple of

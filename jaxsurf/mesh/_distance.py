@@ -14,9 +14,7 @@ def to_segment(
     return np.linalg.norm(offset - np.clip(t, 0.0, 1.0)[..., None] * along, axis=-1)
 
 
-def to_triangle(
-    point: Float[np.ndarray, "n 3"], corners: Float[np.ndarray, "n 3 3"]
-) -> Float[np.ndarray, "n"]:
+def to_triangle(point: Float[np.ndarray, "n 3"], corners: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n"]:
     """Distance from each point to its triangle: to the plane if the foot lies inside, else to an edge."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     normal = np.cross(b - a, c - a)

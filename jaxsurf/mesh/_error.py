@@ -50,9 +50,7 @@ def sound_faces(
     return faces[twice_area > smallest * longest]
 
 
-def used_vertices(
-    faces: Int[np.ndarray, "m 3"], count: int
-) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "m 3"]]:
+def used_vertices(faces: Int[np.ndarray, "m 3"], count: int) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "m 3"]]:
     """Indices of the vertices that some face needs, and the faces renumbered to them."""
     used = np.zeros(count, dtype=bool)
     used[faces] = True

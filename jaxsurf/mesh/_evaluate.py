@@ -20,9 +20,7 @@ def points_at(surface: AbstractSurface, parameters: Float[np.ndarray, "n 2"]) ->
     return _in_chunks(surface, parameters)
 
 
-def grid_at(
-    surface: AbstractSurface, u: Float[np.ndarray, "m"], v: Float[np.ndarray, "k"]
-) -> Float[np.ndarray, "m k 3"]:
+def grid_at(surface: AbstractSurface, u: Float[np.ndarray, "m"], v: Float[np.ndarray, "k"]) -> Float[np.ndarray, "m k 3"]:
     """Points of the surface on a grid, as float64."""
     pairs = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1)
     return points_at(surface, pairs.reshape(-1, 2)).reshape(len(u), len(v), 3)
@@ -43,9 +41,7 @@ def normals_at(surface: AbstractSurface, parameters: Float[np.ndarray, "n 2"]) -
     along_u, along_v = np.split(_in_chunks(both, parameters), 2, axis=1)
     cross = np.cross(along_u, along_v)
     length = np.linalg.norm(cross, axis=1, keepdims=True)
-    largest = np.linalg.norm(along_u, axis=1).max(initial=0.0) * np.linalg.norm(along_v, axis=1).max(
-        initial=0.0
-    )
+    largest = np.linalg.norm(along_u, axis=1).max(initial=0.0) * np.linalg.norm(along_v, axis=1).max(initial=0.0)
     missing = length[:, 0] <= PARALLEL * largest
     normals = cross / np.where(length > 0, length, 1.0)
     if missing.any():

@@ -33,6 +33,5 @@ class Mesh(eqx.Module):
             raise InputError(f"`faces` must have shape (m, 3), got {self.faces.shape}.")
         if self.faces.size and (self.faces.min() < 0 or self.faces.max() >= count):
             raise InputError(
-                f"`faces` must hold indices from 0 to {count - 1}, "
-                f"got {self.faces.min()} to {self.faces.max()}."
+                f"`faces` must hold indices from 0 to {count - 1}, got {self.faces.min()} to {self.faces.max()}."
             )

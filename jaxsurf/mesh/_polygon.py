@@ -6,9 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 
-def inside(
-    points: Float[np.ndarray, "n 2"], polygons: Sequence[np.ndarray]
-) -> Bool[np.ndarray, "n"]:
+def inside(points: Float[np.ndarray, "n 2"], polygons: Sequence[np.ndarray]) -> Bool[np.ndarray, "n"]:
     """Whether each point lies inside an odd number of the polygons (the last corner joins the first)."""
     odd = np.zeros(len(points), dtype=bool)
     for start, end in segments(polygons):

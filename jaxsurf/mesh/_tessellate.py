@@ -34,9 +34,7 @@ def tessellate(
     base, loops = (surface.surface, surface.loops) if isinstance(surface, TrimmedSurface) else (surface, ())
     low, high = domain_corners(base)
     if loops:
-        outline = np.concatenate(
-            [loop_points(base, loop, chord_parameters(loop, tolerance=None)) for loop in loops]
-        )
+        outline = np.concatenate([loop_points(base, loop, chord_parameters(loop, tolerance=None)) for loop in loops])
         low, high = outline.min(axis=0), outline.max(axis=0)
     if resolution is None:
         lines, wanted = _probed_lines(base, low, high, tolerance)

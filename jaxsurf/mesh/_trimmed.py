@@ -17,9 +17,7 @@ from ._polygon import inside, segments
 ROUNDS = 12
 
 
-def trimmed_mesh(
-    surface: AbstractSurface, loops: Sequence[BSplineCurve], lines: list[np.ndarray], wanted: float
-) -> Mesh:
+def trimmed_mesh(surface: AbstractSurface, loops: Sequence[BSplineCurve], lines: list[np.ndarray], wanted: float) -> Mesh:
     """Delaunay triangles between points of the loops and the crossings of `lines` inside them.
 
     The plane of parameters is stretched so that its lengths are near those of the surface. A piece of a loop
@@ -57,9 +55,7 @@ def trimmed_mesh(
 def _stretch(surface: AbstractSurface, lines: list[np.ndarray]) -> Float[np.ndarray, "2"]:
     """Mean lengths of the surface per unit of u and of v, over the rectangle that the lines span."""
     u, v = (np.linspace(line[0], line[-1], 17) for line in lines)
-    points = points_at(surface, np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)).reshape(
-        17, 17, 3
-    )
+    points = points_at(surface, np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)).reshape(17, 17, 3)
     lengths = [np.linalg.norm(np.diff(points, axis=i), axis=-1).mean() * 16 for i in (0, 1)]
     widths = [u[-1] - u[0], v[-1] - v[0]]
     return np.maximum(np.array(lengths), 1e-9 * max(lengths)) / np.array(widths)
@@ -124,9 +120,7 @@ def _to_halve(
     return halve, kept
 
 
-def _circles(
-    polygons: list[np.ndarray], stretch: np.ndarray
-) -> tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, "p"]]:
+def _circles(polygons: list[np.ndarray], stretch: np.ndarray) -> tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, "p"]]:
     """Circles that hold no other point, about the sides, which are then edges of every Delaunay net."""
     ends = segments(polygons) * stretch
     # A fifth more than the circle on the side as diameter keeps slivers away.

@@ -92,7 +92,7 @@ def _ringed(
     """The samples with a ring of neighbours and filled up to `width` columns, a last number telling which are
     none; then which rows and columns are borders, and which columns are samples."""
     rows, columns, _ = samples.shape
-    pad = lambda table, before, after, axis, wrap: jnp.pad(
+    pad = lambda table, before, after, axis, wrap: jnp.pad(  # type: ignore[reportArgumentType]
         table,
         [(before, after) if i == axis else (0, 0) for i in range(3)],
         **({"mode": "wrap"} if wrap else {"constant_values": 1}),

@@ -45,22 +45,16 @@ def histogram_svg(deviations: Float[np.ndarray, "n"], unit: str) -> str:
     for tick in np.arange(-np.floor(reach / step + 1e-9), np.floor(reach / step + 1e-9) + 1) * step:
         x = _x(tick, reach)
         label = "0" if abs(tick) < step / 2 else f"{tick:+.6g}".replace("-", "−")
-        parts.append(
-            f'<line class="axis" x1="{x:.1f}" x2="{x:.1f}" y1="{_y(0, top):.1f}" y2="{_y(0, top) + 5:.1f}"/>'
-        )
+        parts.append(f'<line class="axis" x1="{x:.1f}" x2="{x:.1f}" y1="{_y(0, top):.1f}" y2="{_y(0, top) + 5:.1f}"/>')
         parts.append(f'<text x="{x:.1f}" y="{_y(0, top) + 19:.1f}" text-anchor="middle">{label}</text>')
     for mark in (-rms, rms):
         if abs(mark) < reach:
             x = _x(mark, reach)
-            parts.append(
-                f'<line class="rms" x1="{x:.1f}" x2="{x:.1f}" y1="{TOP - 6}" y2="{_y(0, top):.1f}"/>'
-            )
+            parts.append(f'<line class="rms" x1="{x:.1f}" x2="{x:.1f}" y1="{TOP - 6}" y2="{_y(0, top):.1f}"/>')
     if rms < reach:
         note = f"rms ±{readable(rms)} {unit}"
         parts.append(f'<text x="{_x(rms, reach) + 6:.1f}" y="{TOP + 18}" class="note">{escape(note)}</text>')
-    parts.append(
-        f'<line class="axis" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{_y(0, top):.1f}" y2="{_y(0, top):.1f}"/>'
-    )
+    parts.append(f'<line class="axis" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{_y(0, top):.1f}" y2="{_y(0, top):.1f}"/>')
     parts.append(
         f'<text x="{(LEFT + WIDTH - RIGHT) / 2}" y="{HEIGHT - 8}" text-anchor="middle">'
         f"signed deviation [{escape(unit)}]</text>"
@@ -68,9 +62,7 @@ def histogram_svg(deviations: Float[np.ndarray, "n"], unit: str) -> str:
     parts.append(f'<text x="2" y="{TOP - 12}">points</text>')
     if beyond:
         text = f"{readable(beyond)} beyond ±{reach:.6g}, in the outermost bars"
-        parts.append(
-            f'<text x="{WIDTH - RIGHT}" y="{TOP - 12}" text-anchor="end" class="note">{escape(text)}</text>'
-        )
+        parts.append(f'<text x="{WIDTH - RIGHT}" y="{TOP - 12}" text-anchor="end" class="note">{escape(text)}</text>')
     return "".join(parts) + "</svg>"
 
 

@@ -60,13 +60,9 @@ def _summary(rows: Iterable[tuple[str, object, str]]) -> str:
 def _table(table: Table) -> str:
     numeric = [all(_is_number(row[i]) for row in table.rows) for i in range(len(table.columns))]
     kind = ['class="number"' if is_number else "" for is_number in numeric]
-    head = "".join(
-        f'<th scope="col" {k}>{escape(name)}</th>' for name, k in zip(table.columns, kind, strict=True)
-    )
+    head = "".join(f'<th scope="col" {k}>{escape(name)}</th>' for name, k in zip(table.columns, kind, strict=True))
     rows = (
-        "<tr>"
-        + "".join(f"<td {k}>{escape(readable(cell))}</td>" for cell, k in zip(row, kind, strict=True))
-        + "</tr>"
+        "<tr>" + "".join(f"<td {k}>{escape(readable(cell))}</td>" for cell, k in zip(row, kind, strict=True)) + "</tr>"
         for row in table.rows
     )
     head = f"<thead><tr>{head}</tr></thead>"

@@ -23,8 +23,7 @@ class Table:
         for i, row in enumerate(self.rows):
             if len(row) != len(self.columns):
                 raise InputError(
-                    f"`rows[{i}]` of the table {self.caption!r} must have {len(self.columns)} cells, "
-                    f"got {len(row)}."
+                    f"`rows[{i}]` of the table {self.caption!r} must have {len(self.columns)} cells, got {len(row)}."
                 )
 
 
@@ -55,6 +54,4 @@ class Report:
         if self.deviations is not None:
             values = np.asarray(self.deviations)
             if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
-                raise InputError(
-                    f"`deviations` must be finite numbers of shape (n,), n > 0, got shape {values.shape}."
-                )
+                raise InputError(f"`deviations` must be finite numbers of shape (n,), n > 0, got shape {values.shape}.")

@@ -44,9 +44,7 @@ class AbstractSurface(eqx.Module):
         """Points S(u_i, v_j) for u (m,) and v (k,)."""
         u, v = as_float(u, self.dtype), as_float(v, self.dtype)
         if u.ndim != 1 or v.ndim != 1:
-            raise InputError(
-                f"`u` and `v` of a grid must be one-dimensional, got shapes {u.shape} and {v.shape}."
-            )
+            raise InputError(f"`u` and `v` of a grid must be one-dimensional, got shapes {u.shape} and {v.shape}.")
         return _grid(self, u, v)
 
     def derivative(self, u: Numbers, v: Numbers, order: tuple[int, int] = (1, 0)) -> Float[Array, "*batch 3"]:
@@ -55,9 +53,7 @@ class AbstractSurface(eqx.Module):
         return map_points(derived, self, as_float(u, self.dtype), as_float(v, self.dtype))
 
 
-def point_by_point(
-    surface: AbstractSurface, u: Float[Array, "m"], v: Float[Array, "k"]
-) -> Float[Array, "m k 3"]:
+def point_by_point(surface: AbstractSurface, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
     """`grid_points` for surfaces without tensor structure."""
     return map_points(type(surface).point, surface, u[:, None], v[None, :])
 

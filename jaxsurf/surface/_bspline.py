@@ -172,8 +172,6 @@ def _contract(basis: BSplineBasis, rows: Float[Array, "n w"], u: Float[Array, "m
     return jnp.matmul(basis.matrix(u), rows, precision=jax.lax.Precision.HIGHEST)
 
 
-def _unroll(
-    basis_u: BSplineBasis, basis_v: BSplineBasis, net: Float[Array, "n l d"]
-) -> Float[Array, "n2 m2 d"]:
+def _unroll(basis_u: BSplineBasis, basis_v: BSplineBasis, net: Float[Array, "n l d"]) -> Float[Array, "n2 m2 d"]:
     along_v = jnp.swapaxes(basis_v.unroll(jnp.swapaxes(net, 0, 1)), 0, 1) if basis_v.periodic else net
     return basis_u.unroll(along_v)

@@ -34,9 +34,7 @@ class Plane(AbstractSurface):
     size: Float[Array, ""]
     direction: Float[Array, "3"]
 
-    def __init__(
-        self, point: Numbers, normal: Numbers, size: Numbers = 10.0, direction: Numbers | None = None
-    ):
+    def __init__(self, point: Numbers, normal: Numbers, size: Numbers = 10.0, direction: Numbers | None = None):
         self.origin = as_vector(point, "point")
         dtype = self.origin.dtype
         self.normal, self.direction = normal_and_start(normal, direction, dtype, ("normal", "direction"))
@@ -96,9 +94,7 @@ class Cylinder(AbstractSurface):
     height: Float[Array, ""]
     start: Float[Array, "3"]
 
-    def __init__(
-        self, center: Numbers, axis: Numbers, radius: Numbers, height: Numbers, start: Numbers | None = None
-    ):
+    def __init__(self, center: Numbers, axis: Numbers, radius: Numbers, height: Numbers, start: Numbers | None = None):
         self.center = as_vector(center, "center")
         dtype = self.center.dtype
         self.axis, self.start = normal_and_start(axis, start, dtype, ("axis", "start"))

@@ -101,9 +101,7 @@ def _oriented(loop: Any, index: int) -> BSplineCurve:
             f"`js.to_bspline` converts curves."
         )
     if loop.control_points.shape[1] != 2:
-        raise InputError(
-            f"`loops[{index}]` must have 2-D control points, got shape {loop.control_points.shape}."
-        )
+        raise InputError(f"`loops[{index}]` must have 2-D control points, got shape {loop.control_points.shape}.")
     if not is_concrete(loop):
         return loop
     corners = concrete(early(loop_polygon, loop))

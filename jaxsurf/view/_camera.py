@@ -67,9 +67,7 @@ def fitted_camera(
 def _direction(direction: ViewDirection, points: np.ndarray, facets: Sequence[Facets]) -> np.ndarray:
     if isinstance(direction, str):
         if direction not in NAMED:
-            raise InputError(
-                f"`camera` must be one of {', '.join(NAMED)}, a vector or None, got {direction!r}."
-            )
+            raise InputError(f"`camera` must be one of {', '.join(NAMED)}, a vector or None, got {direction!r}.")
         return np.array(NAMED[direction])
     if direction is not None:
         vector = np.asarray(direction, dtype=float)

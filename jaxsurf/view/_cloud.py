@@ -37,15 +37,11 @@ def cloud(
     cleaned = checked_points(points)
     heights = cleaned[:, 2] if values is None else np.asarray(values, dtype=np.float64)
     if heights.shape != (len(cleaned),):
-        raise InputError(
-            f"`values` must have shape ({len(cleaned)},) as `points` has rows, got {heights.shape}."
-        )
+        raise InputError(f"`values` must have shape ({len(cleaned)},) as `points` has rows, got {heights.shape}.")
     known = heights[np.isfinite(heights)]
     low, high = np.quantile(known, [0.005, 0.995]) if len(known) else (0.0, 1.0)
     every = -(-len(cleaned) // MOST_DOTS)
-    table = import_optional("matplotlib", extra="plot", purpose="pictures").colormaps["viridis"](
-        np.arange(256)
-    )[:, :3]
+    table = import_optional("matplotlib", extra="plot", purpose="pictures").colormaps["viridis"](np.arange(256))[:, :3]
     dots = Dots(cleaned[::every], values=heights[::every], size=_dot_size(len(cleaned[::every]), size))
     scene = Scene(dots=(dots,), limits=(float(low), float(high)), table=table, sky=PAPER)
 

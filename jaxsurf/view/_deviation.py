@@ -60,9 +60,7 @@ def deviation(
         every = -(-len(measured) // MOST_DOTS)
         dots = (Dots(measured[::every], colour=EDGE, size=2.2),)
         note += f"\n\ndots: measured points\n{f'(1 in {every})' if every > 1 else ''}"
-    table = import_optional("matplotlib", extra="plot", purpose="pictures").colormaps["RdBu_r"](
-        np.arange(256)
-    )[:, :3]
+    table = import_optional("matplotlib", extra="plot", purpose="pictures").colormaps["RdBu_r"](np.arange(256))[:, :3]
     scene = Scene((facets,), (outline,), dots, limits=(-bound, bound), table=table, sky=PAPER)
 
     figure = new_figure(size)
@@ -72,12 +70,8 @@ def deviation(
     add_triad(figure, view, box)
     add_scale_bar(figure, view, box, unit)
     left = figure.dpi * 0.28 / size[0]
-    figure.text(
-        left, 1 - 0.24 * figure.dpi / size[1], title, fontsize=14, fontweight="bold", va="center", color=EDGE
-    )
-    figure.text(
-        left, 1 - 0.56 * figure.dpi / size[1], _summary(values, unit), fontsize=10, va="center", color=EDGE
-    )
+    figure.text(left, 1 - 0.24 * figure.dpi / size[1], title, fontsize=14, fontweight="bold", va="center", color=EDGE)
+    figure.text(left, 1 - 0.56 * figure.dpi / size[1], _summary(values, unit), fontsize=10, va="center", color=EDGE)
     _add_bar(figure, table, bound, unit, note, size, side, uncovered=bool(np.isnan(mapped).any()))
     return finished(figure, path)
 
@@ -87,9 +81,7 @@ def _checked(parameters: Any, signed: Any) -> tuple[Float[np.ndarray, "n 2"], Fl
     if feet.ndim != 2 or feet.shape[1] != 2 or not len(feet):
         raise InputError(f"`parameters` must have shape (n, 2), n > 0, got {feet.shape}.")
     if values.shape != (len(feet),):
-        raise InputError(
-            f"`signed` must have shape ({len(feet)},) as `parameters` has rows, got {values.shape}."
-        )
+        raise InputError(f"`signed` must have shape ({len(feet)},) as `parameters` has rows, got {values.shape}.")
     bad = np.flatnonzero(~(np.isfinite(values) & np.isfinite(feet).all(axis=1)))
     if len(bad):
         raise InputError(f"`parameters` and `signed` must be finite; row {bad[0]} is not.")
@@ -110,9 +102,7 @@ def _limit(values: np.ndarray, limit: float | None, unit: str) -> tuple[float, s
     return float(bound), f"{100 * QUANTILE:.0f} % of points within\n±{reach:.3g} {unit}"
 
 
-def _mapped(
-    vertices: np.ndarray, feet: Float[np.ndarray, "n 3"], values: np.ndarray
-) -> Float[np.ndarray, "m"]:
+def _mapped(vertices: np.ndarray, feet: Float[np.ndarray, "n 3"], values: np.ndarray) -> Float[np.ndarray, "m"]:
     """At each vertex the weighted mean of the nearest feet's values; NaN where no foot is near."""
     from scipy.spatial import KDTree
 
@@ -130,9 +120,7 @@ def _mapped(
 def _summary(values: np.ndarray, unit: str) -> str:
     rms, mean = np.sqrt(np.mean(values**2)), values.mean()
     spread = f"from {values.min():+.3g} to {values.max():+.3g} {unit}"
-    return f"{len(values):,} points, rms {rms:.3g} {unit}, mean {mean:+.2g} {unit}, {spread}".replace(
-        "-", "−"
-    )
+    return f"{len(values):,} points, rms {rms:.3g} {unit}, mean {mean:+.2g} {unit}, {spread}".replace("-", "−")
 
 
 def _add_bar(
@@ -156,9 +144,7 @@ def _add_bar(
     bar.ax.set_yticklabels([tick_label(tick, bound) for tick in np.linspace(-bound, bound, 9)], fontsize=10)
     bar.outline.set_linewidth(0.6)
     x = left / size[0]
-    figure.text(
-        x, 0.80 + 0.46 * dpi / size[1], f"Deviation [{unit}]", fontsize=10.5, fontweight="bold", color=EDGE
-    )
+    figure.text(x, 0.80 + 0.46 * dpi / size[1], f"Deviation [{unit}]", fontsize=10.5, fontweight="bold", color=EDGE)
     figure.text(x, 0.30 - 0.46 * dpi / size[1], note, fontsize=8.5, va="top", color=EDGE, linespacing=1.35)
     if uncovered:
         swatch = add_axes(figure, (left, round(0.28 * dpi), round(0.16 * dpi), round(0.16 * dpi)))

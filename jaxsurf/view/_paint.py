@@ -62,9 +62,7 @@ def _shaded(scene: Scene, facets: Facets, camera: Camera, seen, pixels, face) ->
         colour = scene.colours_of(np.einsum("pc,pc->p", weights, facets.values[corners]))
     normal = np.where(behind[:, None], -normal, normal)
     light = facets.light
-    strength = (
-        light.ambient + light.key * np.maximum(normal @ KEY, 0) + light.fill * np.maximum(normal @ FILL, 0)
-    )
+    strength = light.ambient + light.key * np.maximum(normal @ KEY, 0) + light.fill * np.maximum(normal @ FILL, 0)
     half = (KEY + [0, 0, 1]) / np.linalg.norm(KEY + [0, 0, 1])
     shine = light.shine * np.maximum(normal @ half, 0) ** 40
     return np.clip(colour * strength[:, None] + shine[:, None], 0, 1)
@@ -87,9 +85,7 @@ def _stroke(image, depth, strokes: Strokes, to_pixels, brush: float, bias: float
 def _dot(image, depth, scene: Scene, dots: Dots, to_pixels, brush: float, bias: float) -> None:
     seen = to_pixels(dots.points)
     order = np.argsort(seen[:, 2])
-    colour = (
-        np.broadcast_to(dots.colour, (len(seen), 3)) if dots.values is None else scene.colours_of(dots.values)
-    )
+    colour = np.broadcast_to(dots.colour, (len(seen), 3)) if dots.values is None else scene.colours_of(dots.values)
     hidden = depth.copy()
     for offset in _disc(dots.size * brush / 2):
         rows, columns, kept = _visible(seen[order], offset[None], hidden, bias)

@@ -38,11 +38,7 @@ def plot(
     """
     size = check_request(path, size)
     import_optional("matplotlib", extra="plot", purpose="plots")
-    lines = [
-        line
-        for i, shape in enumerate(as_list(shapes))
-        for line in _lines(shape, STROKE[i % len(STROKE)], control)
-    ]
+    lines = [line for i, shape in enumerate(as_list(shapes)) for line in _lines(shape, STROKE[i % len(STROKE)], control)]
     if points is not None:
         dots = {"ls": "", "marker": ".", "ms": 3.5, "color": POINT}
         lines.append((checked_points(points), dots))
@@ -75,9 +71,7 @@ def plot(
 
 
 def _axes_in_space(figure: Any, low: np.ndarray, high: np.ndarray, titled: bool) -> Any:
-    import_optional(
-        "mpl_toolkits.mplot3d", extra="plot", purpose="plots in space"
-    )  # registers the projection
+    import_optional("mpl_toolkits.mplot3d", extra="plot", purpose="plots in space")  # registers the projection
     axes = figure.add_axes((0.02, 0.02, 0.94, 0.92 if titled else 0.96), projection="3d", proj_type="ortho")
     # A thin direction gets room for its ticks; its scale stays that of the others.
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, 0.09 * (high - low).max()) * 1.03

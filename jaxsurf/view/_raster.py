@@ -28,9 +28,7 @@ def nearest_faces(
         together = max(1, CANDIDATES // int(wide * high_box))
         for start in range(0, len(group), together):
             chunk = group[start : start + together]
-            _try_block(
-                corners[chunk], chunk, low[chunk], int(wide), int(high_box), width, height, depth, owner
-            )
+            _try_block(corners[chunk], chunk, low[chunk], int(wide), int(high_box), width, height, depth, owner)
     return depth.reshape(height, width), owner.reshape(height, width)
 
 
@@ -56,9 +54,7 @@ def _try_block(corners, index, low, wide, high, width, height, depth, owner):
         first = ((by - cy) * whole) * px + ((cx - bx) * whole) * py
         second = ((cy - ay) * whole) * px + ((ax - cx) * whole) * py
         slack = -1e-9
-        hit = (
-            (first >= slack) & (second >= slack) & (first + second <= 1 - slack) & (x < width) & (y < height)
-        )
+        hit = (first >= slack) & (second >= slack) & (first + second <= 1 - slack) & (x < width) & (y < height)
         z = cz + first * (az - cz) + second * (bz - cz)
     row, column = np.nonzero(hit)
     pixel, z = (y * width + x)[row, column], z[row, column]

@@ -110,6 +110,4 @@ class Scene:
         low, high = self.limits
         place = np.clip((values - low) / ((high - low) or 1.0), 0.0, 1.0)
         known = np.isfinite(place)
-        return np.where(
-            known[:, None], self.table[(np.where(known, place, 0.0) * 255).round().astype(int)], GREY
-        )
+        return np.where(known[:, None], self.table[(np.where(known, place, 0.0) * 255).round().astype(int)], GREY)

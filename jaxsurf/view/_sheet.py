@@ -41,9 +41,7 @@ def new_figure(size: tuple[int, int]) -> Any:
     area = size[0] * size[1] / (1200 * 900)
     dpi = 100 * area ** (0.5 if area > 1 else 0.3)
     # The canvas rounds down: a hundredth of a pixel more makes the size exact.
-    figure = figures.Figure(
-        figsize=((size[0] + 0.01) / dpi, (size[1] + 0.01) / dpi), dpi=dpi, facecolor="white"
-    )
+    figure = figures.Figure(figsize=((size[0] + 0.01) / dpi, (size[1] + 0.01) / dpi), dpi=dpi, facecolor="white")
     agg.FigureCanvasAgg(figure)
     return figure
 

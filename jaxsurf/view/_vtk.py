@@ -31,9 +31,7 @@ def _fill(pyvista, plotter, scene: Scene, camera: Camera, brush: float) -> None:
     plotter.set_background(scene.sky[1], top=scene.sky[0])
     for direction, strength in ((KEY, MODELLING.key), (FILL, MODELLING.fill)):
         # Parallel light, fixed to the eye.
-        plotter.add_light(
-            pyvista.Light(position=direction @ camera.axes, intensity=strength, light_type="scene light")
-        )
+        plotter.add_light(pyvista.Light(position=direction @ camera.axes, intensity=strength, light_type="scene light"))
     toward = camera.axes[2] * NEARER * camera.half_depth
     mapped = {"cmap": _colour_map(scene), "clim": scene.limits, "nan_color": GREY, "show_scalar_bar": False}
     for facets in scene.facets:
@@ -73,9 +71,7 @@ def _aim(plotter, camera: Camera) -> None:
 
 def _polylines(pyvista, lines: tuple[Float[np.ndarray, "_ 3"], ...], shift: np.ndarray):
     starts = np.cumsum([0, *(len(line) for line in lines)])
-    cells = [
-        np.r_[len(line), start + np.arange(len(line))] for line, start in zip(lines, starts, strict=False)
-    ]
+    cells = [np.r_[len(line), start + np.arange(len(line))] for line, start in zip(lines, starts, strict=False)]
     return pyvista.PolyData(np.concatenate(lines) + shift, lines=np.concatenate(cells))
 
 

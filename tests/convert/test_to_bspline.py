@@ -25,7 +25,7 @@ class Jump(AbstractCurve):
         return 2.0, 5.0
 
     def point(self, u):
-        return jnp.stack([u, self.height * (u >= 3.5), 0 * u])
+        return jnp.stack([u, jnp.where(u >= 3.5, self.height, 0), 0 * u])
 
 
 class Crease(Jump):

@@ -86,9 +86,7 @@ def test_a_circle_is_round_and_right_handed():
 def test_a_circle_starts_where_it_is_told():
     np.testing.assert_allclose(Circle([0, 0, 0], [0, 0, 2], 3)(0), [3, 0, 0], **CLOSE)
     np.testing.assert_allclose(Circle([0, 0, 0], [0, 0, -2], 3)(0), [3, 0, 0], **CLOSE)
-    np.testing.assert_allclose(
-        Circle([0, 0, 0], [0, 0, 2], 3, start=[1, 1, 9])(0), np.array([3, 3, 0]) / 2**0.5
-    )
+    np.testing.assert_allclose(Circle([0, 0, 0], [0, 0, 2], 3, start=[1, 1, 9])(0), np.array([3, 3, 0]) / 2**0.5)
 
 
 def test_a_helix_climbs_its_pitch():
@@ -119,13 +117,9 @@ def _frames(normals):
 
 def test_default_frames_are_orthonormal_everywhere_and_smooth_at_usual_normals():
     rng = np.random.default_rng(0)
-    grid = np.array(
-        [[i, j, k] for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if i or j or k], float
-    )
+    grid = np.array([[i, j, k] for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if i or j or k], float)
     axes, start = _frames(np.concatenate([grid, rng.normal(size=(200, 3))]))
-    np.testing.assert_allclose(
-        np.einsum("nia,nja->nij", axes, axes), np.tile(np.eye(3), (226, 1, 1)), **CLOSE
-    )
+    np.testing.assert_allclose(np.einsum("nia,nja->nij", axes, axes), np.tile(np.eye(3), (226, 1, 1)), **CLOSE)
     np.testing.assert_allclose(np.linalg.det(axes), 1, **CLOSE)
     np.testing.assert_allclose(axes[:, 0], start, **CLOSE)
     moved, _ = _frames(np.concatenate([grid + 1e-6 * rng.normal(size=grid.shape), np.zeros((200, 3))]))

@@ -71,9 +71,7 @@ def test_gradients_are_those_of_finite_differences():
 
     @jax.jit
     def value(weights, knots):
-        return NURBSCurve(shape.control_points, weights, knots, 2).point(jnp.asarray(4.4)) @ jnp.arange(
-            1.0, 4.0
-        )
+        return NURBSCurve(shape.control_points, weights, knots, 2).point(jnp.asarray(4.4)) @ jnp.arange(1.0, 4.0)
 
     check_grads(value, (shape.weights, shape.knots), order=1, rtol=1e-6)
 

@@ -179,9 +179,7 @@ def test_bad_input_is_refused_in_one_sentence(call, message):
         call()
 
 
-@pytest.mark.parametrize(
-    "verb", [reverse, transpose, lambda s: split(s, 1), lambda s: reparametrise(s, (0, 1))]
-)
+@pytest.mark.parametrize("verb", [reverse, transpose, lambda s: split(s, 1), lambda s: reparametrise(s, (0, 1))])
 def test_what_is_no_shape_is_refused_by_name(verb):
     with pytest.raises(TypeError, match="is not defined for str"):
         verb("circle")

@@ -105,9 +105,7 @@ def test_knots_are_differentiable_under_insertion():
         return insert_knots(BSplineCurve(points, knots, 2), new).point(jnp.asarray(2.5)) @ jnp.arange(3.0)
 
     by_knots, by_new = jax.jit(jax.grad(place, argnums=(0, 1)))(knots, jnp.asarray([2.7]))
-    direct = jax.jit(
-        jax.grad(lambda k: BSplineCurve(points, k, 2).point(jnp.asarray(2.5)) @ jnp.arange(3.0))
-    )(knots)
+    direct = jax.jit(jax.grad(lambda k: BSplineCurve(points, k, 2).point(jnp.asarray(2.5)) @ jnp.arange(3.0)))(knots)
     np.testing.assert_allclose(by_knots, direct, **CLOSE)
     np.testing.assert_allclose(by_new, 0, atol=1e-12)
 

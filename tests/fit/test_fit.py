@@ -83,9 +83,7 @@ def test_progress_shows_every_step_and_changes_nothing():
     seen = []
     watched = js.fit(dented(TRUTH, 3), noisy(3), bending=STIFF, progress=seen.append, phase="sheet")
     silent = js.fit(dented(TRUTH, 3), noisy(3), bending=STIFF)
-    np.testing.assert_allclose(
-        watched.shape.control_points, silent.shape.control_points, rtol=0, atol=1e-6 * NOISE
-    )
+    np.testing.assert_allclose(watched.shape.control_points, silent.shape.control_points, rtol=0, atol=1e-6 * NOISE)
     assert int(watched.steps) == int(silent.steps) == len(seen) and not watched.stopped
     assert watched.result == silent.result and watched.converged == silent.converged
     assert [event.step for event in seen] == list(range(1, len(seen) + 1))
@@ -171,9 +169,7 @@ def test_smoothing_does_not_shrink_a_circle(fairness):
     angle, radius = 2 * np.pi * np.arange(12) / 12, 5.0
     ring = lambda t: np.stack([np.cos(t), np.sin(t), 0 * t], -1)
     points = radius * ring(rng.uniform(0, 2 * np.pi, 500)) + 0.01 * radius * rng.normal(size=(500, 3))
-    start = js.BSplineCurve(
-        6 * ring(angle) + 0.1 * rng.normal(size=(12, 3)), periodic_knots(12, 3), 3, periodic=True
-    )
+    start = js.BSplineCurve(6 * ring(angle) + 0.1 * rng.normal(size=(12, 3)), periodic_knots(12, 3), 3, periodic=True)
     found = js.fit(start, points, fairness=fairness)
     from_axis = np.linalg.norm(found.shape(np.linspace(0, 1, 200)), axis=1)
     measured = np.mean(np.linalg.norm(points[:, :2], axis=1))

@@ -11,11 +11,12 @@ from scipy.interpolate import BSpline
 import jaxsurf as js
 from jaxsurf.basis import clamped_knots
 from jaxsurf.fit._bending import bending_of
-from jaxsurf.fit._fairness import fairness_terms
+from jaxsurf.fit._fairness import _variation, fairness_terms
 from jaxsurf.fit._normal_equations import accumulate
 from jaxsurf.fit._objective import evaluate
 from jaxsurf.fit._problem import Problem, free_leaves, linearise
 from jaxsurf.fit._solve import solve
+from jaxsurf.surface import AbstractSurface
 
 SIDES = (10.0, 6.0)
 
@@ -86,9 +87,7 @@ def test_the_gauss_newton_matrix_is_the_hessian_at_exact_points(shape):
     found = eqx.filter_jit(lambda p: jax.lax.map(lambda x: evaluate(p, x, feet, None)[1:3], trials))
     gradients, matrices = found(problem)
     scale = float(jnp.max(jnp.abs(matrices[-1])))
-    np.testing.assert_allclose(
-        (gradients[:3] - gradients[3:6]) / (2 * h), steps @ matrices[-1], rtol=0, atol=1e-4 * scale
-    )
+    np.testing.assert_allclose((gradients[:3] - gradients[3:6]) / (2 * h), steps @ matrices[-1], rtol=0, atol=1e-4 * scale)
     assert np.linalg.eigvalsh(matrices[-1])[0] > -1e-12 * scale
 
 
@@ -147,11 +146,7 @@ def test_the_bending_matrix_is_the_energy_of_the_unrolled_sheet(periodic):
     (u, weight_u), (v, weight_v) = _midpoints(2, 5), _midpoints(0, 1)
     part = lambda i, j: np.einsum("anx,bn->abx", along_u(u, nu=i), along_v(v, nu=j))
     scale_u, scale_v = SIDES[0] / 3, SIDES[1] / 1
-    integrand = (
-        (part(2, 0) / scale_u**2) ** 2
-        + 2 * (part(1, 1) / (scale_u * scale_v)) ** 2
-        + (part(0, 2) / scale_v**2) ** 2
-    )
+    integrand = (part(2, 0) / scale_u**2) ** 2 + 2 * (part(1, 1) / (scale_u * scale_v)) ** 2 + (part(0, 2) / scale_v**2) ** 2
     expected = (SIDES[0] * SIDES[1]) * scale_u * scale_v * np.sum(integrand) * weight_u * weight_v
     np.testing.assert_allclose(energy, expected, rtol=1e-4)
 
@@ -193,9 +188,7 @@ NET = js.BSplineSurface(
     3,
     3,
 )
-CURVE = js.BSplineCurve(
-    np.random.default_rng(6).normal(size=(8, 3)), [2.0, 2.3, 2.8, 3.0, 3.5, 3.9, 4.2, 4.7, 5.0], 3, True
-)
+CURVE = js.BSplineCurve(np.random.default_rng(6).normal(size=(8, 3)), [2.0, 2.3, 2.8, 3.0, 3.5, 3.9, 4.2, 4.7, 5.0], 3, True)
 FAIR = {"net": NET, "curve": CURVE, "torus": js.Torus([1.0, 2.0, 3.0], [0.0, 1.0, 1.0], 3.0, 1.0)}
 
 
@@ -229,14 +222,9 @@ def test_fairness_has_no_unit(fair):
 
 def test_both_ways_to_the_fairness_of_a_net_agree():
     """A net of 8 × 8 even spans has the nodes of a shape without structure."""
-    by_cell = eqx.filter_jit(fairness_terms)(NET, problem_of(NET, np.ones((4, 3)), fair=True))
-    everything = lambda s: (s.control_points, s.knots_u)
-    problem = problem_of(NET, np.ones((4, 3)), fair=True, free=everything)
-    value, gradient, matrix = eqx.filter_jit(fairness_terms)(NET, problem)
-    net = NET.control_points.size
-    np.testing.assert_allclose(value, by_cell[0], rtol=1e-10)
-    np.testing.assert_allclose(gradient[:net], by_cell[1], rtol=0, atol=1e-10 * np.max(np.abs(by_cell[1])))
-    np.testing.assert_allclose(matrix[:net, :net], by_cell[2], rtol=0, atol=1e-10 * np.max(by_cell[2]))
+    both = eqx.filter_jit(lambda p: (_variation(NET, p), _variation.dispatch(AbstractSurface)(NET, p)))
+    for by_cell, by_point in zip(*both(problem_of(NET, np.ones((4, 3)), fair=True)), strict=True):
+        np.testing.assert_allclose(by_cell, by_point, rtol=0, atol=1e-10 * np.max(np.abs(by_point)))
 
 
 def test_fairness_of_something_else_is_refused():

@@ -18,9 +18,7 @@ def net(rows: int, columns: int) -> np.ndarray:
 POLYNOMIAL = BSplineSurface(net(7, 5), KNOTS_U, KNOTS_V, 3, 2)
 RATIONAL = NURBSSurface(net(7, 5), _RANDOM.uniform(0.4, 2.5, (7, 5)), KNOTS_U, KNOTS_V, 3, 2)
 BILINEAR = BSplineSurface(net(3, 2), [2, 2, 3, 5, 5], [-1, -1, 4, 4], 1, 1)
-UNCLAMPED = BSplineSurface(
-    net(7, 5), np.sort(_RANDOM.uniform(2, 5, 11)), np.sort(_RANDOM.uniform(-1, 4, 8)), 3, 2
-)
+UNCLAMPED = BSplineSurface(net(7, 5), np.sort(_RANDOM.uniform(2, 5, 11)), np.sort(_RANDOM.uniform(-1, 4, 8)), 3, 2)
 _RING = np.stack([100 * np.cos(np.arange(6)), 100 * np.sin(np.arange(6)), 7 * np.arange(6) % 5], axis=-1)
 PERIODIC_CURVE = BSplineCurve(_RING, [2, 2.5, 2.9, 3.3, 4.2, 4.6, 5], 3, periodic=True)
 PERIODIC = BSplineSurface(

@@ -48,9 +48,7 @@ def test_vertices_keep_their_order_and_number(tmp_path, suffix):
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_obj_is_exact_to_its_size(tmp_path, scale):
     write_mesh(tmp_path / "mesh.obj", VERTICES * scale, FACES)
-    np.testing.assert_allclose(
-        read_points(tmp_path / "mesh.obj"), VERTICES * scale, rtol=0, atol=1e-6 * scale
-    )
+    np.testing.assert_allclose(read_points(tmp_path / "mesh.obj"), VERTICES * scale, rtol=0, atol=1e-6 * scale)
 
 
 def ply_normals(content):
@@ -62,28 +60,19 @@ def ply_normals(content):
 
 
 def obj_normals(content):
-    return np.array(
-        [line.split()[1:] for line in content.splitlines() if line.startswith(b"vn ")], dtype=float
-    )
+    return np.array([line.split()[1:] for line in content.splitlines() if line.startswith(b"vn ")], dtype=float)
 
 
 def glb_normals(content):
     length = int.from_bytes(content[12:16], "little")
     tree = json.loads(content[20 : 20 + length])
     accessor = tree["accessors"][tree["meshes"][0]["primitives"][0]["attributes"]["NORMAL"]]
-    at = (
-        28
-        + length
-        + tree["bufferViews"][accessor["bufferView"]].get("byteOffset", 0)
-        + accessor.get("byteOffset", 0)
-    )
+    at = 28 + length + tree["bufferViews"][accessor["bufferView"]].get("byteOffset", 0) + accessor.get("byteOffset", 0)
     return np.frombuffer(content, "<f4", count=12, offset=at).reshape(4, 3)
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e6])
-@pytest.mark.parametrize(
-    "suffix, normals", [(".obj", obj_normals), (".ply", ply_normals), (".glb", glb_normals)]
-)
+@pytest.mark.parametrize("suffix, normals", [(".obj", obj_normals), (".ply", ply_normals), (".glb", glb_normals)])
 def test_normals_and_colours_are_written(tmp_path, suffix, normals, scale):
     path, points = tmp_path / f"mesh{suffix}", VERTICES[:4] * scale
     for colours in (COLOURS, COLOURS.astype(np.float32) / 255, np.insert(COLOURS, 3, 255, axis=1)):

@@ -290,9 +290,7 @@ def test_what_cannot_be_loaded(path, content, match):
     assert str(caught.value).startswith("Cannot read ") and "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "change", [{"dtype": "float16"}, {"shape": [4]}, {"kind": "other"}, {"dtype": "nonsense"}]
-)
+@pytest.mark.parametrize("change", [{"dtype": "float16"}, {"shape": [4]}, {"kind": "other"}, {"dtype": "nonsense"}])
 def test_arrays_that_are_not_as_described(path, change):
     content = io.BytesIO()
     np.save(content, np.ones(3, np.float32))
@@ -321,9 +319,7 @@ def test_cut_and_damaged_files(path):
             found = load(path)
         except InputError:
             continue
-        assert (
-            found.first.tolist() == list(range(6)) and (found.second == 1).all()
-        )  # a byte that says nothing
+        assert found.first.tolist() == list(range(6)) and (found.second == 1).all()  # a byte that says nothing
 
 
 KILLED = """

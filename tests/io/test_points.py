@@ -47,9 +47,7 @@ def refused(path, match):
     with pytest.raises(InputError, match=match) as caught:
         read_points(path)
     message = str(caught.value)
-    assert (
-        message.startswith(f"Cannot read {str(path)!r}: ") and message.endswith(".") and "\n" not in message
-    )
+    assert message.startswith(f"Cannot read {str(path)!r}: ") and message.endswith(".") and "\n" not in message
 
 
 # --- good files
@@ -124,9 +122,7 @@ def test_ply_layouts(write, order):
     lists = ply_header(kind, 2, ("list uchar int k", *Z_FIRST))
     lists += pack("B2i", 2, 0, 0) + vertices[:15] + pack("Bi", 1, 0) + vertices[15:]
     np.testing.assert_array_equal(read_points(write("b.ply", lists)), expected)
-    before = ply_header(kind, 2, Z_FIRST).replace(
-        b"element vertex", "\n".join([*FACE, "element vertex"]).encode()
-    )
+    before = ply_header(kind, 2, Z_FIRST).replace(b"element vertex", "\n".join([*FACE, "element vertex"]).encode())
     np.testing.assert_array_equal(read_points(write("c.ply", before + faces + vertices)), expected)
 
 
@@ -162,9 +158,7 @@ def test_arrays_by_name(write):
     fields = np.zeros(4, [("z", "f4"), ("x", "f8"), ("y", "f8")])
     fields["x"], fields["y"], fields["z"] = x, y, z
     np.testing.assert_array_equal(read_points(write("c.npy", npy(fields))), expected)
-    np.testing.assert_array_equal(
-        read_points(write("d.npy", npy(np.arange(12).reshape(2, 6)))), [[0, 1, 2], [6, 7, 8]]
-    )
+    np.testing.assert_array_equal(read_points(write("d.npy", npy(np.arange(12).reshape(2, 6)))), [[0, 1, 2], [6, 7, 8]])
 
 
 def test_scans_are_moved_by_their_poses(write):
@@ -373,9 +367,7 @@ def test_faults_in_ply(write):
             "has the length -1",
         ),
         (
-            ply_header("binary_little_endian", 1, more=("element face 1", FACE[1]))
-            + b"\0" * 24
-            + b"\x03\0\0\0",
+            ply_header("binary_little_endian", 1, more=("element face 1", FACE[1])) + b"\0" * 24 + b"\x03\0\0\0",
             "more bytes for 1 rows of face data",
         ),
     ):
@@ -418,9 +410,7 @@ def test_faults_in_scans(write):
         (107, "<I", 2**31, "for the 2147483648 points of its LAS header"),
     ):
         refused(
-            write(
-                "c.las", content[:at] + struct.pack(layout, value) + content[at + struct.calcsize(layout) :]
-            ),
+            write("c.las", content[:at] + struct.pack(layout, value) + content[at + struct.calcsize(layout) :]),
             said,
         )
     refused(write("c.las", content[:100]), "expected a LAS header of 227 bytes, got 100")

@@ -80,9 +80,7 @@ def test_shapes_that_cannot_be_written_leave_no_file(tmp_path, case):
 
 
 def test_a_shape_that_rhino_refuses_is_reported(tmp_path):
-    tiny = BSplineSurface(
-        POLYNOMIAL.control_points, [2, 2, 2, 2, 2.5, 3, 3, 5, 5, 5, 5], POLYNOMIAL.knots_v, 3, 2
-    )
+    tiny = BSplineSurface(POLYNOMIAL.control_points, [2, 2, 2, 2, 2.5, 3, 3, 5, 5, 5, 5], POLYNOMIAL.knots_v, 3, 2)
     object.__setattr__(tiny, "knots_u", np.array([2, 2, 2, 2, 2.5, 2.4, 3, 5, 5, 5, 5]))
     with pytest.raises(InputError, match="Rhino refuses this BSplineSurface"):
         write_3dm(tmp_path / "a.3dm", tiny)

@@ -100,15 +100,10 @@ def test_gmsh_finds_the_same_points(tmp_path, model, name):
 
 
 def test_gmsh_finds_the_area_of_a_polygon_with_holes(tmp_path, model):
-    plane = BSplineSurface(
-        [[[0, 0, 0], [0, 3, 4]], [[10, 0, 0], [10, 3, 4.0]]], [2, 2, 4, 4], [0, 0, 5, 5], 1, 1
-    )
+    plane = BSplineSurface([[[0, 0, 0], [0, 3, 4]], [[10, 0, 0], [10, 3, 4.0]]], [2, 2, 4, 4], [0, 0, 5, 5], 1, 1)
     corners = np.array([[2.1, 0.5], [3.9, 0.2], [3.5, 4.5], [2.4, 4.0]])
     hole = np.array([[2.8, 1.0], [2.8, 2.0], [3.2, 2.0]])
-    loops = [
-        BSplineCurve(np.concatenate([p, p[:1]]), [0, 0, *range(1, len(p)), len(p), len(p)], 1)
-        for p in (corners, hole)
-    ]
+    loops = [BSplineCurve(np.concatenate([p, p[:1]]), [0, 0, *range(1, len(p)), len(p), len(p)], 1) for p in (corners, hole)]
     write_step(tmp_path / "a.step", TrimmedSurface(plane, loops))
     faces = model.occ.importShapes(str(tmp_path / "a.step"))
     assert [entity[0] for entity in faces] == [2]

@@ -42,10 +42,7 @@ def evaluate(surface, u, v) -> np.ndarray:
     weights = np.asarray(getattr(surface, "weights", np.ones(surface.control_points.shape[:2])))[..., None]
     net = np.concatenate([np.asarray(surface.control_points) * weights, weights], axis=-1)
     rows = BSpline(np.asarray(surface.knots_u), net, surface.degree_u)(np.ravel(u))
-    columns = [
-        BSpline(np.asarray(surface.knots_v), r, surface.degree_v)(y)
-        for r, y in zip(rows, np.ravel(v), strict=True)
-    ]
+    columns = [BSpline(np.asarray(surface.knots_v), r, surface.degree_v)(y) for r, y in zip(rows, np.ravel(v), strict=True)]
     points = np.array(columns)
     return points[:, :3] / points[:, 3:]
 
@@ -53,9 +50,7 @@ def evaluate(surface, u, v) -> np.ndarray:
 def along(curve, count: int = 101) -> np.ndarray:
     """Points of a clamped spline curve, one in a row, by equal steps over its domain."""
     knots = np.asarray(curve.knots)
-    return BSpline(knots, np.asarray(curve.control_points), curve.degree)(
-        np.linspace(knots[0], knots[-1], count)
-    )
+    return BSpline(knots, np.asarray(curve.control_points), curve.degree)(np.linspace(knots[0], knots[-1], count))
 
 
 def box(shape) -> np.ndarray:
@@ -227,9 +222,7 @@ def test_a_face_in_an_assembly_comes_back_in_its_place(tmp_path):
 
 def test_lost_faces_are_counted():
     face = topology(TRIMMED, function="test")
-    with pytest.warns(
-        UserWarning, match="2 of the shapes in 'part.step' cannot be read and are left out: OCCT could"
-    ):
+    with pytest.warns(UserWarning, match="2 of the shapes in 'part.step' cannot be read and are left out: OCCT could"):
         assert len(shapes_of(face, source="part.step", faces=3)) == 1
 
 
@@ -243,7 +236,5 @@ def test_a_face_with_an_open_outline_is_left_out():
         explorer.Next()
     surface = occt("BRep").BRep_Tool.Surface_s(whole)
     face = occt("BRepBuilderAPI").BRepBuilderAPI_MakeFace(surface, wire, False).Face()
-    with pytest.warns(
-        UserWarning, match="1 of the shapes in 'part.step' .* has a gap of 3 in the parameter plane"
-    ):
+    with pytest.warns(UserWarning, match="1 of the shapes in 'part.step' .* has a gap of 3 in the parameter plane"):
         assert shapes_of(face, source="part.step", faces=1) == []

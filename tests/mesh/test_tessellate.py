@@ -103,9 +103,7 @@ def test_a_flat_sheet_needs_two_triangles():
 def test_no_triangle_is_degenerate_and_all_run_round_their_normals(surface):
     mesh = tessellate(surface)
     cross = twice_areas(mesh)
-    edges = np.linalg.norm(
-        np.diff(mesh.vertices[mesh.faces], axis=1, append=mesh.vertices[mesh.faces[:, :1]]), axis=2
-    )
+    edges = np.linalg.norm(np.diff(mesh.vertices[mesh.faces], axis=1, append=mesh.vertices[mesh.faces[:, :1]]), axis=2)
     assert (np.linalg.norm(cross, axis=1) > 1e-6 * edges.max(axis=1) ** 2).all()
     assert (np.einsum("fd,fd->f", cross, mesh.normals[mesh.faces].mean(axis=1)) > 0).all()
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-12)
@@ -157,9 +155,7 @@ def test_a_trimmed_sheet_ends_on_its_loops_and_keeps_the_tolerance():
     surface = TrimmedSurface(wavy(), (outer, hole))
     mesh = tessellate(surface, tolerance=0.02)
     assert mesh.max_error <= 0.02
-    edges = np.sort(
-        np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]), axis=1
-    )
+    edges = np.sort(np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]), axis=1)
     edges, count = np.unique(edges, axis=0, return_counts=True)
     assert count.max() == 2
     border = mesh.parameters[np.unique(edges[count == 1])]

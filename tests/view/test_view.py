@@ -94,9 +94,7 @@ def test_the_bar_states_unit_and_limits(tmp_path):
     path = tmp_path / "map.svg"
     deviation(SHEET, feet, signed, unit="inch", path=path, size=SIZE, backend="matplotlib")
     text = path.read_text()
-    assert (
-        "Deviation [inch]" in text and "98 % of points within" in text and "+0.04" in text and "−0.04" in text
-    )
+    assert "Deviation [inch]" in text and "98 % of points within" in text and "+0.04" in text and "−0.04" in text
     assert "500 points, rms" in text
 
 
@@ -113,9 +111,7 @@ def test_meshes_curves_and_points_can_be_shown_together():
     curve = BSplineCurve(np.array([[24.0, -14, 9], [30, -10, 12], [36, -6, 9]]), clamped_knots(3, 2), 2)
     shapes = [tessellate(SHEET, resolution=(5, 5)), curve]
     points = points_at(SHEET, np.random.default_rng(0).uniform((2, 0), (5, 1), (50, 2)))
-    picture = shade(shapes, points=points, size=SIZE, camera=(0.3, -1.0, 0.8), backend="matplotlib").astype(
-        int
-    )
+    picture = shade(shapes, points=points, size=SIZE, camera=(0.3, -1.0, 0.8), backend="matplotlib").astype(int)
     assert ((picture[..., 2] - picture[..., 0] > 80) & (picture[..., 0] < 80)).any()  # the curve's blue
     assert (picture[..., 0] - picture[..., 1] > 60).any()  # the points' red
 
@@ -124,9 +120,7 @@ def test_meshes_curves_and_points_can_be_shown_together():
 def test_plots_have_axes_with_units(name, tmp_path):
     net = np.array([[0.0, 0, 1], [2, 3, 1], [5, -1, 1], [7, 1, 1]])
     shapes = [BSplineCurve(net, clamped_knots(4, 3), 3)] if name == "flat.svg" else [SHEET]
-    picture = plot(
-        shapes, points=net, control=True, unit="mm", title="A plot", path=tmp_path / name, size=SIZE
-    )
+    picture = plot(shapes, points=net, control=True, unit="mm", title="A plot", path=tmp_path / name, size=SIZE)
     assert picture.shape == (SIZE[1], SIZE[0], 3) and picture.std() > 5
     content = (tmp_path / name).read_bytes()
     if name == "flat.svg":

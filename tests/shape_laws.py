@@ -1,7 +1,8 @@
-"""The transform grid: every shape under eager, jit, vmap, jvp, grad, in both types, at random and degenerate data."""
+"""The transform grid: what holds for every shape under eager, jit, vmap, jvp, grad, in both types.
 
-import importlib
-import pkgutil
+`test_transforms_of_curves.py` and `test_transforms_of_surfaces.py` run it: two files, so that two workers share it.
+"""
+
 import re
 
 import equinox as eqx
@@ -9,32 +10,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from cases import CASES, corners, make, parameters
+from cases import corners, parameters
 
 import jaxsurf as js
-from jaxsurf._registry import registered_class, registered_names
 from jaxsurf.curve import AbstractCurve
 from jaxsurf.surface import AbstractSurface
-
-
-@pytest.fixture(params=CASES, scope="module")
-def case(request):
-    return make(request.param)
 
 
 @pytest.fixture(scope="module")
 def shape(case):
     return case.shape
-
-
-def test_every_registered_shape_has_a_case():
-    for module in pkgutil.walk_packages(js.__path__, "jaxsurf."):
-        if not module.name.endswith("__main__"):
-            importlib.import_module(module.name)
-    classes = [registered_class(name) for name in registered_names()]
-    own = {c for c in classes if c is not None and c.__module__.startswith("jaxsurf.")}
-    shapes = {c.__name__ for c in own if issubclass(c, AbstractCurve | AbstractSurface)}
-    assert shapes == {type(make(name).shape).__name__ for name in CASES}
 
 
 def test_eager_jit_and_vmap_agree(shape):
