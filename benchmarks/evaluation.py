@@ -153,7 +153,7 @@ def _start() -> Row:
         {
             "import jaxsurf": python("-c", "import jaxsurf"),
             "import jax, equinox, optimistix": python("-c", "import jax, equinox, optimistix"),
-            "jaxsurf --help": python("-m", "jaxsurf.cli", "--help") if find_spec("jaxsurf.cli") else None,
+            "jaxsurf --help": python("-m", "jaxsurf", "--help") if find_spec("jaxsurf.__main__") else None,
         },
         [
             Figure("at most", "import jaxsurf", "import jax, equinox, optimistix", 1.2),

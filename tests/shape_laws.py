@@ -107,15 +107,6 @@ def test_new_values_are_not_traced_again(shape):
     assert len(traces) == 1
 
 
-def test_grid_is_the_points(shape):
-    if isinstance(shape, AbstractCurve):
-        pytest.skip("curves have no grid")
-    u, v = parameters(shape)
-    grid, points = np.asarray(shape.grid(u, v[:-1])), np.asarray(shape(u, v))[:-1]
-    assert grid.shape == (len(u), len(v) - 1, 3)
-    np.testing.assert_allclose(grid[np.arange(len(points)), np.arange(len(points))], points, rtol=1e-13, atol=1e-13)
-
-
 def test_derivatives_are_slopes_of_lower_ones(shape):
     curve = isinstance(shape, AbstractCurve)
     chain = [(0,), (1,), (2,), (3,), (4,)] if curve else [(0, 0), (1, 0), (1, 1), (1, 2), (2, 2)]

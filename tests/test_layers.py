@@ -94,17 +94,20 @@ def test_guards_live_in_one_file(path):
             f"line {node.lineno}: {called}"
         )
         assert not re.fullmatch(r"(jnp|jax\.numpy)\.linalg\.norm", called), f"line {node.lineno}: {called}"
-        if called in ("jnp.where", "jax.numpy.where") and node.args:
-            assert not _compares_with_zero(node.args[0]), f"line {node.lineno}: {ast.unparse(node)}"
+        if called in ("jnp.where", "jax.numpy.where"):
+            assert not _guards_from_zero(*node.args), f"line {node.lineno}: {ast.unparse(node)}"
 
 
-def _compares_with_zero(condition: ast.expr) -> bool:
-    return any(
-        isinstance(node, ast.Compare)
-        and any(isinstance(op, ast.Eq | ast.NotEq) for op in node.ops)
-        and any(isinstance(side, ast.Constant) and side.value == 0 for side in (node.left, *node.comparators))
-        for node in ast.walk(condition)
-    )
+def _guards_from_zero(condition: ast.expr, *branches: ast.expr) -> bool:
+    """Whether a condition compares with 0 what one of the branches then uses."""
+    used = {ast.unparse(node) for branch in branches for node in ast.walk(branch)}
+    for node in ast.walk(condition):
+        if isinstance(node, ast.Compare) and any(isinstance(op, ast.Eq | ast.NotEq) for op in node.ops):
+            sides = (node.left, *node.comparators)
+            zero = any(isinstance(side, ast.Constant) and side.value == 0 for side in sides)
+            if zero and any(ast.unparse(side) in used - {"0"} for side in sides):
+                return True
+    return False
 
 
 def _room(path: Path) -> str:

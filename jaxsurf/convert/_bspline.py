@@ -70,8 +70,8 @@ def _(shape: AbstractCurve, tol: float, *, degree: int = 3) -> Conversion:
         knots = clamped(found[0], found[1], degree)
         control = interpolation(knots, degree, sample(sites(knots, degree)))
         spline = BSplineCurve(as_float(control, dtype), knots, degree)
-        # one part more than the refinement looked at: other places
-        where = amid(found[0], dense_parts(len(control), len(found[0]) - 1) + 2)
+        # other places than the refinement looked at, and four times as many
+        where = amid(found[0], 4 * dense_parts(len(control), len(found[0]) - 1) + 1)
         where = np.concatenate([where, found[0]])  # of even degree the error peaks at the knots
         return spline, float(np.linalg.norm(curve_values(spline, where) - sample(where), axis=-1).max())
 
@@ -109,7 +109,7 @@ def _(shape: AbstractSurface, tol: float, *, degree: int = 3) -> Conversion:
         spline = BSplineSurface(as_float(control, dtype), knots[0], knots[1], degree, degree)
         counts = [len(along) - degree - 1 for along in knots]
         where = [
-            np.concatenate([amid(f[0], dense_parts(n, len(f[0]) - 1)), f[0]]) for f, n in zip(found, counts, strict=True)
+            np.concatenate([amid(f[0], dense_parts(n, len(f[0]) - 1) + 2), f[0]]) for f, n in zip(found, counts, strict=True)
         ]
         return spline, _grid_error(shape, spline, where[0], where[1])
 

@@ -73,8 +73,8 @@ def fit_cloud(
     spans: knot intervals per direction of the first net, u along the longer side; by default 8 × 8, or 4 × 4 where a
     tolerance is given. tolerance: knots are inserted where points lie farther than that, until a share `quantile` of them
     lies within, or `max_spans` are reached, or there would be fewer than two points for a control point. degree, loss,
-    fairness: as in `fit`. holdout: share of the points that a second fit of the same net leaves out, to measure the deviation of
-    points it has not seen (the surface that is returned has seen all).
+    fairness: as in `fit`. holdout: share of the points that a second fit of the same net leaves out, to measure the
+    deviation of points it has not seen (the surface that is returned has seen all).
 
     The cloud is unrolled (`parametrise`), a first net fitted, and refined; a true return value of `progress` stops at
     the best surface so far. Raises `InputError` on clouds that carry no surface.

@@ -22,7 +22,7 @@ _NODES = 3  # Gauss-Legendre nodes in each span
 def fairness_terms(shape: Any, problem: Problem) -> tuple[Float[Array, ""], Float[Array, "P"], Float[Array, "P P"]]:
     """Value, gradient and Gauss-Newton matrix of ½ · fairness · (scale-free curvature variation).
 
-    Of a curve: L⁵/(2π)⁶ ∫ |(dk/ds)_⊥|² ds, k the curvature vector. Of a surface: the analogue A/(2π)⁴ ∬ |∇II|² dA with the
+    Of a curve: L³/(2π)⁴ ∫ |(dk/ds)_⊥|² ds, k the curvature vector. Of a surface: the analogue A/(2π)⁴ ∬ |∇II|² dA with the
     covariant derivative of the second fundamental form, which has no singularity at umbilics (Moreton, Séquin: Functional
     optimization for fair surface design, 1992, uses the principal directions). Length and area move with the shape: held
     fixed they would let it fall in energy by growing.
@@ -98,8 +98,8 @@ def _(shape: AbstractCurve, problem: Problem) -> _Variation:
 
     theta = problem.unknowns(shape)
     whole, growth = jax.value_and_grad(length)(theta)
-    scale = jnp.sqrt(whole**5 / (2 * jnp.pi) ** 6 * weights)
-    return _Variation(*_dense(residual, theta, nodes, scale), 2.5 * growth / whole)
+    scale = jnp.sqrt(whole**3 / (2 * jnp.pi) ** 4 * weights)
+    return _Variation(*_dense(residual, theta, nodes, scale), 1.5 * growth / whole)
 
 
 def _curve_variation(c1: Array, c2: Array, c3: Array) -> Array:

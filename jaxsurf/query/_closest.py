@@ -38,9 +38,9 @@ def closest_point(
 ) -> Foot:
     """Feet of `points` (..., 3) on a curve or surface, borders included.
 
-    Without `start` safeguarded Newton iterations begin where the distance is least on a grid of samples (three or
+    Without `start` safeguarded Newton iterations begin where the distance is least on a grid of samples (four or
     more in each knot span), at up to `candidates` local minima, and the best foot wins: on smooth sheets the nearest
-    one, on a very bumpy one and far away another one 1 to 2 times in a thousand. With `start` (parameters in the form
+    one, on a very bumpy one and far away another one a few times in ten thousand. With `start` (parameters in the form
     of `Foot.parameters`, from an earlier call) only these are refined. Memory does not grow with the number of points
     apart from points, feet and 20 bytes per candidate.
 

@@ -48,7 +48,7 @@ def _(shape: Any) -> tuple[Float[Array, "m"], ...]:
 @sample_parameters.register(BSplineSurface)
 @sample_parameters.register(NURBSSurface)
 def _(shape: Any) -> tuple[Float[Array, "m"], ...]:
-    return _in_spans(shape.basis_u, 3, 12), _in_spans(shape.basis_v, 3, 12)
+    return _in_spans(shape.basis_u, 4, 12), _in_spans(shape.basis_v, 4, 12)
 
 
 @sample_parameters.register

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from fit_cases import dented, points_on, sheet
+from fit_cases import sheet
 from scipy.interpolate import BSpline
 
 import jaxsurf as js
@@ -14,8 +14,7 @@ from jaxsurf.fit._bending import bending_of
 from jaxsurf.fit._fairness import _variation, fairness_terms
 from jaxsurf.fit._normal_equations import accumulate
 from jaxsurf.fit._objective import evaluate
-from jaxsurf.fit._problem import Problem, free_leaves, linearise
-from jaxsurf.fit._solve import solve
+from jaxsurf.fit._problem import Linearised, Problem, free_leaves, linearise
 from jaxsurf.surface import AbstractSurface
 
 SIDES = (10.0, 6.0)
@@ -38,91 +37,93 @@ def problem_of(shape, points, *, free=None, loss="squared", fair=False, sliding=
     )
 
 
-def beside(shape, count=120):
-    """Points around a shape, some of them beyond its border."""
-    points = points_on(shape, count, seed=1)
-    return points + 0.1 * np.random.default_rng(2).normal(size=points.shape)
+def beside(shape, noise=0.1):
+    """Points around a shape, some of them beyond its border, and parameters near their feet."""
+    (a, b), (c, d) = shape.domain
+    margin = 0.15 if noise == 0 else 0.02
+    rng = np.random.default_rng(1)
+    u, v = rng.uniform(margin, 1 - margin, size=(2, 120))
+    feet = np.stack([a + (b - a) * u, c + (d - c) * v], -1)
+    points = np.asarray(shape(*feet.T)) + noise * rng.normal(size=(120, 3))
+    return points, jnp.asarray(feet)
 
 
 def sphere():
     return js.Sphere([7.0, -3.0, 4.0], 2.5)
 
 
+@eqx.filter_jit
+def evaluate_all(problem, trials, feet, penalty):
+    return jax.lax.map(lambda theta: evaluate(problem, theta, feet, penalty)[:3], trials)
+
+
+def around(problem, feet, penalty, h):
+    """Directions, and value, gradient and matrix at h and -h along each, and in their middle."""
+    theta = problem.unknowns()
+    steps = np.random.default_rng(3).normal(size=(3, theta.size))
+    trials = jnp.asarray(np.concatenate([theta + h * steps, theta - h * steps, theta[None]]))
+    return steps, evaluate_all(problem, trials, feet, penalty)
+
+
 CASES = {
-    "net": (sheet(), "squared", True),
-    "net, far points forgotten": (sheet(), "tukey", False),
-    "sphere": (sphere(), "squared", False),
+    "net": (sheet(), "squared"),
+    "net, far points forgotten": (sheet(), "tukey"),
+    "sphere": (sphere(), "squared"),
 }
 
 
-@pytest.mark.parametrize("shape, loss, bent", CASES.values(), ids=CASES)
-def test_the_gradient_is_the_slope_of_the_value(shape, loss, bent):
+@pytest.mark.parametrize("shape, loss", CASES.values(), ids=CASES)
+def test_the_gradient_is_the_slope_of_the_value(shape, loss):
     """The feet are found anew at every trial: their motion must not matter (envelope theorem)."""
-    problem = problem_of(shape, beside(shape), loss=loss)
-    penalty = bending_of(shape, SIDES) if bent else None
-    feet = js.closest_point(shape, problem.points).parameters
-    theta = problem.unknowns()
-    steps = np.random.default_rng(3).normal(size=(3, theta.size))
-    h = 1e-4
-    trials = jnp.asarray(np.concatenate([theta + h * steps, theta - h * steps]))
-    values = eqx.filter_jit(lambda p: jax.lax.map(lambda x: evaluate(p, x, feet, penalty)[:2], trials))
-    value, gradients = values(problem)
-    np.testing.assert_allclose(
-        (value[:3] - value[3:]) / (2 * h),
-        np.sum(0.5 * (gradients[:3] + gradients[3:]) * steps, axis=1),
-        rtol=1e-5,
-        atol=1e-9,
-    )
+    points, feet = beside(shape)
+    problem = problem_of(shape, points, loss=loss)
+    steps, (value, gradient, _) = around(problem, feet, bending_of(shape, SIDES), 1e-4)
+    slope = (value[:3] - value[3:6]) / 2e-4
+    np.testing.assert_allclose(slope, steps @ gradient[6], rtol=1e-5, atol=1e-9)
 
 
 @pytest.mark.parametrize("shape", [sheet(), sphere()], ids=["net", "sphere"])
 def test_the_gauss_newton_matrix_is_the_hessian_at_exact_points(shape):
-    points = points_on(shape, 120, seed=1, margin=0.1)
+    points, feet = beside(shape, noise=0)
     problem = problem_of(shape, points)
-    feet = js.closest_point(shape, points).parameters
-    theta = problem.unknowns()
-    steps = np.random.default_rng(3).normal(size=(3, theta.size))
-    h = 1e-5
-    trials = jnp.asarray(np.concatenate([theta + h * steps, theta - h * steps, theta[None]]))
-    found = eqx.filter_jit(lambda p: jax.lax.map(lambda x: evaluate(p, x, feet, None)[1:3], trials))
-    gradients, matrices = found(problem)
-    scale = float(jnp.max(jnp.abs(matrices[-1])))
-    np.testing.assert_allclose((gradients[:3] - gradients[3:6]) / (2 * h), steps @ matrices[-1], rtol=0, atol=1e-4 * scale)
-    assert np.linalg.eigvalsh(matrices[-1])[0] > -1e-12 * scale
+    steps, (_, gradient, matrix) = around(problem, feet, bending_of(shape, SIDES), 1e-5)
+    size = float(jnp.max(jnp.abs(matrix[6])))
+    np.testing.assert_allclose((gradient[:3] - gradient[3:6]) / 2e-5, steps @ matrix[6], rtol=0, atol=1e-4 * size)
+    assert np.linalg.eigvalsh(matrix[6])[0] > -1e-12 * size
 
 
-@pytest.mark.parametrize("count", [1, 120, 700])
+@pytest.mark.parametrize("count", [1, 300])
 def test_both_ways_over_the_points_give_the_same_sums(count):
     shape = sheet()
-    problem = problem_of(shape, beside(shape, count), sliding=0.1)
-    feet = js.closest_point(shape, problem.points).parameters
+    rng = np.random.default_rng(1)
+    feet = jnp.asarray(rng.uniform([2, 0], [5, 1], size=(count, 2)))
+    offset, root = rng.normal(size=(count, 3)), rng.normal(size=(count, 3, 3))
+    lines = Linearised(jnp.asarray(offset), jnp.asarray(root))
+    problem = problem_of(shape, np.zeros((count, 3)))
 
     @eqx.filter_jit
-    def both(problem, feet):
-        lines = linearise(shape, feet, problem.points, problem.sliding)
-        arguments = (shape, problem, feet, lines, problem.weights)
+    def both(problem, *sums):
+        arguments = (shape, problem, *sums)
         return accumulate(*arguments), accumulate.dispatch(object)(*arguments)
 
-    for by_cell, by_point in zip(*both(problem, feet), strict=True):
-        np.testing.assert_allclose(by_cell, by_point, rtol=1e-10, atol=1e-12 * count)
+    for by_cell, by_point in zip(*both(problem, feet, lines, problem.weights), strict=True):
+        np.testing.assert_allclose(by_cell, by_point, rtol=0, atol=1e-12 * np.max(np.abs(by_point)))
 
 
 def test_sliding_weighs_the_tangents_only():
-    shape = sheet()
-    points = points_on(shape, 50, seed=1, margin=0.1) + 0.05
-    feet = js.closest_point(shape, points).parameters
+    shape = sphere()
+    points, feet = beside(shape, noise=0)
     root = linearise(shape, feet, jnp.asarray(points), jnp.asarray(0.01)).root
-    tangents = js.partials(shape, feet[:, 0], feet[:, 1])
-    normal = np.cross(*tangents)
-    np.testing.assert_allclose(np.einsum("nab,nb->na", root, normal), normal, atol=1e-11)
-    for tangent in tangents:
-        np.testing.assert_allclose(np.einsum("nab,nb->na", root, tangent), 0.1 * tangent, atol=1e-11)
+    normal = (points - [7, -3, 4]) / 2.5
+    np.testing.assert_allclose(np.einsum("nab,nb->na", root, normal), normal, atol=1e-12)
+    tangent = np.cross(normal, [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(np.einsum("nab,nb->na", root, tangent), 0.1 * tangent, atol=1e-12)
 
 
 def test_feet_on_the_border_pull_sideways_too():
     plane = js.Plane([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], 2.0)
     points = jnp.asarray([[0.2, 0.3, 1.0], [3.0, 0.3, 1.0], [3.0, 3.0, 1.0]])
-    feet = js.closest_point(plane, points).parameters
+    feet = jnp.asarray([[0.2, 0.3], [1.0, 0.3], [1.0, 1.0]])
     root = linearise(plane, feet, points, jnp.asarray(0.0)).root
     expected = [np.diag([0, 0, 1]), np.diag([1, 0, 1]), np.eye(3)]
     np.testing.assert_allclose(root, expected, atol=1e-12)
@@ -189,7 +190,7 @@ NET = js.BSplineSurface(
     3,
 )
 CURVE = js.BSplineCurve(np.random.default_rng(6).normal(size=(8, 3)), [2.0, 2.3, 2.8, 3.0, 3.5, 3.9, 4.2, 4.7, 5.0], 3, True)
-FAIR = {"net": NET, "curve": CURVE, "torus": js.Torus([1.0, 2.0, 3.0], [0.0, 1.0, 1.0], 3.0, 1.0)}
+FAIR = {"net": NET, "curve": CURVE}
 
 
 @pytest.fixture(scope="module", params=FAIR)
@@ -198,14 +199,14 @@ def fair(request):
     problem = problem_of(shape, np.ones((4, 3)), fair=True)
     theta = problem.unknowns()
     steps = np.random.default_rng(3).normal(size=(3, theta.size))
-    trials = jnp.asarray(np.concatenate([theta[None], theta + 1e-5 * steps, theta - 1e-5 * steps]))
+    trials = jnp.asarray(np.concatenate([theta[None], theta + 1e-5 * steps, theta - 1e-5 * steps, 3 * theta[None]]))
     terms = lambda p: jax.lax.map(lambda x: fairness_terms(p.member(x), p), trials)
     return problem, steps, eqx.filter_jit(terms)(problem)
 
 
 def test_the_gradient_of_fairness_is_the_slope_of_its_value(fair):
     _, steps, (value, gradient, matrix) = fair
-    slope = (value[1:4] - value[4:]) / 2e-5
+    slope = (value[1:4] - value[4:7]) / 2e-5
     np.testing.assert_allclose(slope, steps @ gradient[0], rtol=1e-5)
     assert np.linalg.eigvalsh(matrix[0])[0] > -1e-12 * np.max(matrix[0])
 
@@ -213,11 +214,9 @@ def test_the_gradient_of_fairness_is_the_slope_of_its_value(fair):
 def test_fairness_has_no_unit(fair):
     """Scaling about the origin changes nothing, so that a shape gains nothing by growing or shrinking."""
     problem, _, (value, gradient, _) = fair
-    if not isinstance(problem.shape, js.Torus):
-        theta = problem.unknowns()
-        grown = eqx.filter_jit(fairness_terms)(problem.member(3 * theta), problem)
-        np.testing.assert_allclose(grown[0], value[0], rtol=1e-10)
-        assert abs(theta @ gradient[0]) < 1e-10 * np.linalg.norm(theta) * np.linalg.norm(gradient[0])
+    theta = problem.unknowns()
+    np.testing.assert_allclose(value[7], value[0], rtol=1e-10)
+    assert abs(theta @ gradient[0]) < 1e-10 * np.linalg.norm(theta) * np.linalg.norm(gradient[0])
 
 
 def test_both_ways_to_the_fairness_of_a_net_agree():
@@ -231,15 +230,3 @@ def test_fairness_of_something_else_is_refused():
     problem = problem_of(sphere(), np.ones((4, 3)), fair=True)
     with pytest.raises(TypeError, match="`fairness` expects a curve or a surface, got Problem"):
         fairness_terms(problem, problem)
-
-
-def test_the_solver_ends_at_a_stationary_value():
-    shape = dented(sheet(), 1)
-    points = jnp.asarray(beside(sheet(), 300))
-    problem = problem_of(shape, points, sliding=0.1)
-    penalty = bending_of(shape, SIDES)
-    feet = js.closest_point(shape, points).parameters
-    first = eqx.filter_jit(evaluate)(problem, problem.unknowns(), feet, penalty)
-    found = solve(problem, feet, penalty, rtol=1e-10, max_steps=200, progress=lambda event: False)
-    last = eqx.filter_jit(evaluate)(problem, found.theta, found.feet, penalty)
-    assert last[0] < first[0] and np.linalg.norm(last[1]) < 1e-4 * np.linalg.norm(first[1])
