@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from .._errors import InputError
 
@@ -26,10 +27,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _INTERRUPTED
 
 
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, as everywhere; the usage is what `--help` shows."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(_FAILED, f"jaxsurf: {message}; see `{self.prog} --help`.\n")
+
+
 def _parser() -> argparse.ArgumentParser:
     from importlib.metadata import version
 
-    parser = argparse.ArgumentParser(prog="jaxsurf", description="Differentiable surface modelling on JAX.")
+    parser = _Parser(prog="jaxsurf", description="Differentiable surface modelling on JAX.")
     parser.add_argument("--version", action="version", version=f"jaxsurf {version('jaxsurf')}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _add_fit(commands.add_parser("fit", help="fit a CAD surface to a measured point cloud", description=_FIT))

@@ -36,6 +36,7 @@ def check_targets(options: argparse.Namespace) -> None:
     for target, suffixes in (
         (options.picture, (".png", ".svg", ".pdf")),
         (options.report, (".html", ".htm")),
+        (options.save, _NATIVE),
     ):
         if target and Path(target).suffix.lower() not in suffixes:
             raise InputError(f"{target!r} must end in {' or '.join(suffixes)}.")

@@ -15,7 +15,8 @@ from ..surface import BSplineSurface
 from ._bending import bending_of
 from ._coverage import Coverage, coverage
 from ._deviation import Deviation
-from ._fit import Fit, faint_bending, fit, side_lengths
+from ._fit import Fit, check_weights, faint_bending, fit, side_lengths
+from ._losses import find_loss
 from ._parametrise import Parametrisation, check_sheet, parametrise
 from ._refine import refined_knots
 
@@ -82,6 +83,8 @@ def fit_cloud(
     points = as_float(points)
     host = np.asarray(concrete(points), np.float64)
     check_sheet(host)
+    find_loss(loss)
+    check_weights(fairness, None)
     _check_options(len(host), spans, tolerance, quantile, degree, holdout, max_spans)
     first = spans if spans is not None else ((8, 8) if tolerance is None else (_COARSE, _COARSE))
     first = (min(first[0], max_spans), min(first[1], max_spans))
@@ -110,8 +113,8 @@ def fit_cloud(
         done.foot,
         done.deviation,
         done.result,
-        done.stopped,
-        left_out,
+        watched.stop,
+        None if watched.stop else left_out,
         coverage(done.shape, done.foot.parameters),
         tuple(stages),
         met,

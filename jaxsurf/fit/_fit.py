@@ -145,8 +145,7 @@ def _check(shape: Any, points: Array, weights: Any, fairness: float, bending: fl
     if is_concrete(points) and not np.all(np.isfinite(concrete(points))):
         row = int(np.argmin(np.all(np.isfinite(concrete(points)), axis=1)))
         raise InputError(f"`points` must be finite, but point {row + 1} is {concrete(points)[row]}; remove it.")
-    if fairness < 0 or (bending is not None and bending < 0):
-        raise InputError(f"`fairness` and `bending` must be ≥ 0, got {fairness} and {bending}.")
+    check_weights(fairness, bending)
     if isinstance(shape, BSplineSurface):
         n, m = shape.control_points.shape[:2]
         if points.shape[0] < n * m:
@@ -162,6 +161,12 @@ def _check(shape: Any, points: Array, weights: Any, fairness: float, bending: fl
     if is_concrete(weights) and not (np.all(concrete(weights) >= 0) and np.any(concrete(weights) > 0)):
         raise InputError("`weights` must be ≥ 0 and not all 0.")
     return weights
+
+
+def check_weights(fairness: float, bending: float | None) -> None:
+    """Refuse weights of penalties that are negative or not finite."""
+    if not all(0 <= weight < np.inf for weight in (fairness, bending or 0)):
+        raise InputError(f"`fairness` and `bending` must be ≥ 0, got {fairness} and {bending}.")
 
 
 def _faint(shape: Any) -> float:

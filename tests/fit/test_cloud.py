@@ -215,6 +215,13 @@ def test_progress_stops_a_cloud_fit_at_its_best_surface():
     assert found.stopped and found.holdout is None and found.deviation.rms < 0.3
 
 
+def test_a_wish_to_stop_during_the_check_fit_is_told_too():
+    whole = js.fit_cloud(wavy(), spans=(4, 4), progress=lambda event: False)
+    cut = js.fit_cloud(wavy(), spans=(4, 4), holdout=0.5, progress=lambda event: event.phase == "hold-out")
+    assert cut.stopped and cut.holdout is None
+    np.testing.assert_array_equal(cut.shape.control_points, whole.shape.control_points)
+
+
 def test_spans_are_halved_where_points_lie_beyond():
     surface = js.BSplineSurface(np.zeros((5, 5, 3)), [0.0] * 4 + [0.5] + [1.0] * 4, [0.0] * 4 + [0.4] + [1.0] * 4, 3, 3)
     parameters = np.random.default_rng(1).uniform(size=(400, 2))
@@ -284,6 +291,7 @@ REFUSED = {
     "holdout": ({"holdout": 1.0}, r"`holdout` must be in \[0, 1\), got 1.0"),
     "most spans": ({"max_spans": 0}, "`max_spans` must be at least 1, got 0"),
     "loss": ({"loss": "hubert", "spans": (3, 3)}, "`loss` must be one of"),
+    "fairness": ({"fairness": np.nan, "spans": (3, 3)}, "`fairness` and `bending` must be ≥ 0, got nan"),
 }
 
 
