@@ -26,8 +26,8 @@ def uniform_knots(n: int, degree: int, domain: tuple[float, float] = (0.0, 1.0))
     """
     _check_count(n, degree)
     a, b = _check_domain(domain)
-    step = (b - a) / (n - degree)
-    return a + step * jnp.linspace(-degree, n, n + degree + 1)
+    share = jnp.asarray(np.arange(-degree, n + 1) / (n - degree))
+    return (1 - share) * a + share * b  # exactly the domain's ends at shares 0 and 1
 
 
 def periodic_knots(n: int, degree: int, domain: tuple[float, float] = (0.0, 1.0)) -> Float[Array, "k"]:
@@ -38,7 +38,7 @@ def periodic_knots(n: int, degree: int, domain: tuple[float, float] = (0.0, 1.0)
     return jnp.linspace(a, b, n + 1)
 
 
-def check_knots(knots: Float[Array, "k"], degree: int, count: int, *, periodic: bool = False, name: str = "knots") -> None:
+def check_knots(knots: Float[Array, "..."], degree: int, count: int, *, periodic: bool = False, name: str = "knots") -> None:
     """Refuse knot vectors that define no B-spline of `degree` on `count` control points.
 
     Shapes are checked always, values only on concrete data: finite, ascending, inner knots repeated at most `degree`

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from .._array import Numbers, as_float, concrete
 from .._errors import InputError
 from .._progress import Event, Progress, silent
-from ..basis import clamped_knots
+from ..basis import clamped_knots, refinement_matrix
 from ..surface import BSplineSurface
 from ._bending import bending_of
 from ._coverage import Coverage, coverage
@@ -58,7 +58,7 @@ class CloudFit(eqx.Module):
 def fit_cloud(
     points: Numbers,
     *,
-    spans: tuple[int, int] | None = None,
+    spans: tuple[Any, ...] | None = None,
     tolerance: float | None = None,
     quantile: float = 0.95,
     degree: int = 3,
@@ -94,7 +94,8 @@ def fit_cloud(
     watched(Event("parametrise"))
     options = {"loss": loss, "fairness": fairness, "progress": watched}
     start, feet = _best_start(points, parametrise(host), first, degree, watched)
-    done = _refit(start, points, feet, options)
+    rest = start
+    done = _refit(start, points, feet, rest, options)
     stages = [_stage(done, tolerance)]
     while tolerance is not None and not done.stopped and (stages[-1].within or 0) < quantile:
         finer = refined_knots(done.shape, done.foot.parameters, done.deviation.signed, tolerance, max_spans)
@@ -102,11 +103,12 @@ def fit_cloud(
             break
         knots_u, knots_v = (jnp.asarray(k, points.dtype) for k in finer)
         start = linear_start(points, done.foot.parameters, knots_u, knots_v, degree, side_lengths(done.shape))
-        done = _refit(start, points, done.foot.parameters, options)
+        rest = _on_knots(done.shape, knots_u, knots_v)
+        done = _refit(start, points, done.foot.parameters, rest, options)
         stages.append(_stage(done, tolerance))
     left_out = None
     if holdout > 0 and not done.stopped:
-        left_out = _hold_out(done, points, holdout, seed, options)
+        left_out = _hold_out(done, points, rest, holdout, seed, options)
     met = None if tolerance is None else (stages[-1].within or 0) >= quantile
     return CloudFit(
         done.shape,
@@ -224,19 +226,32 @@ def _facing_outwards(surface: BSplineSurface, parameters: Array, centre: np.ndar
     return eqx.tree_at(lambda s: (s.control_points, s.knots_u), surface, turned), jnp.asarray(flipped, parameters.dtype)
 
 
-def _refit(start: BSplineSurface, points: Array, feet: Any, options: dict[str, Any]) -> Fit:
+def _on_knots(surface: BSplineSurface, knots_u: Array, knots_v: Array) -> BSplineSurface:
+    """The same surface on finer knots."""
+    matrix_u = refinement_matrix(surface.knots_u, knots_u, surface.degree_u)
+    matrix_v = refinement_matrix(surface.knots_v, knots_v, surface.degree_v)
+    net = jnp.einsum("ij,kl,jlx->ikx", matrix_u, matrix_v, surface.control_points)
+    return BSplineSurface(net, knots_u, knots_v, surface.degree_u, surface.degree_v)
+
+
+def _refit(start: BSplineSurface, points: Array, feet: Any, rest: BSplineSurface, options: dict[str, Any]) -> Fit:
+    """A fit whose background bending counts from the coarser surface `rest`: curved sheets are not dragged flat."""
     weight = faint_bending(max(start.control_points.shape[:2]), _ATTENUATION)
     phase = options.get("phase", "fit {} × {} spans".format(*_spans(start)))
-    return fit(start, points, start=feet, bending=weight, sliding=_SLIDING, rtol=_RTOL, **{**options, "phase": phase})
+    fixed = {"start": feet, "rest": rest, "bending": weight, "sliding": _SLIDING, "rtol": _RTOL}
+    return fit(start, points, **{**fixed, **options, "phase": phase})
 
 
-def _hold_out(done: Fit, points: Array, share: float, seed: int, options: dict[str, Any]) -> Deviation | None:
+def _hold_out(
+    done: Fit, points: Array, rest: BSplineSurface, share: float, seed: int, options: dict[str, Any]
+) -> Deviation | None:
     """Refit with the chosen points weighing nothing, and measure those; the compiled fit serves again."""
     chosen = np.random.default_rng(seed).uniform(size=points.shape[0]) < share
     if not chosen.any():
         return None
     weights = jnp.asarray(~chosen, points.dtype)
-    again = _refit(done.shape, points, done.foot.parameters, {**options, "weights": weights, "phase": "hold-out"})
+    options = {**options, "weights": weights, "phase": "hold-out"}
+    again = _refit(done.shape, points, done.foot.parameters, rest, options)
     return Deviation(jnp.asarray(np.asarray(again.deviation)[chosen]))
 
 

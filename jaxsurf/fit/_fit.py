@@ -50,6 +50,7 @@ def fit(
     loss: str = "squared",
     fairness: float = 0.0,
     bending: float | None = None,
+    rest: BSplineSurface | None = None,
     free: Callable[[Any], Any] | None = None,
     weights: Numbers | None = None,
     start: Numbers | None = None,
@@ -66,7 +67,7 @@ def fit(
     "huber", "cauchy" or "tukey", whose scale follows the noise found. fairness: weight of the scale-free curvature variation
     against the mean squared distance in units of size²; it does not shrink circles (useful: 1e-9 … 1e-3). bending: weight of
     the quadratic bending energy of B-spline nets that holds what no point determines; `None` is a weight too weak to be
-    seen in the covered part. start: parameters of first feet, from an earlier fit. sliding: how much the solver
+    seen in the covered part. rest: the net on the same knots from which bending is counted, by default a flat one. start: parameters of first feet, from an earlier fit. sliding: how much the solver
     resists gliding of the net along the sheet, which points do not see; it steers the way, not the goal.
     phase: what `progress` is told.
 
@@ -100,6 +101,7 @@ def fit(
             number(weight),
             number(fairness),
             number(sliding),
+            _rest(shape, rest, free_flags),
             free_flags,
             name,
             fairness != 0,
@@ -124,6 +126,15 @@ def _noise(shape: Any, points: Array, feet: Array, weights: Array, loss: str, si
     """The scale of a robust loss, from the distances at hand; never 0."""
     distance = foot_at(shape, points, feet).distance
     return jnp.maximum(noise_scale(distance, weights) * find_loss(loss).deviations, 1e-12 * size)
+
+
+def _rest(shape: Any, rest: Any, free: tuple[bool, ...]) -> Float[Array, "P"]:
+    """Unknowns of the shape at rest."""
+    if rest is not None and jax.tree.map(jnp.shape, rest) != jax.tree.map(jnp.shape, shape):
+        raise InputError("`rest` must be a shape of the same class and sizes as `shape`; insert the knots that it lacks.")
+    moving = [leaf for leaf, moves in zip(jax.tree.leaves(shape if rest is None else rest), free, strict=True) if moves]
+    flat = jnp.concatenate([leaf.reshape(-1) for leaf in moving])
+    return jnp.zeros_like(flat) if rest is None else flat
 
 
 @eqx.filter_jit

@@ -25,7 +25,7 @@ def evaluate(
     if penalty is not None:
         # the net is the first leaf: rows of θ are control points, coordinates innermost
         scaled = problem.bending / problem.size**2 * penalty
-        net = theta.reshape(penalty.shape[0], -1)
+        net = (theta - problem.rest).reshape(penalty.shape[0], -1)
         pull = scaled @ net
         value = value + 0.5 * jnp.sum(net * pull)
         gradient = gradient + pull.reshape(-1)

@@ -12,7 +12,9 @@ from ..curve import BSplineCurve
 from ..surface import BSplineSurface, TrimmedSurface
 
 _LONG = 4.0  # triangles with an edge longer than so many median edges are empty space
-_POINTS_PER_KNOT = 5  # of the ragged border that one control point of the outline smooths
+_POINTS_PER_KNOT = 4  # of the ragged border that one control point of the outline smooths
+_KEEPING = 50.0  # how much more a border point outside the outline counts than one inside it
+_ROUNDS = 8
 
 
 def trim_to_cloud(surface: BSplineSurface, parameters: Float[Array, "N 2"], sides: tuple[Any, Any]) -> TrimmedSurface:
@@ -20,7 +22,7 @@ def trim_to_cloud(surface: BSplineSurface, parameters: Float[Array, "N 2"], side
 
     parameters: the feet; sides: lengths of the sheet along u and v, so that distances in the parameter plane mean something.
     The border is that of the Delaunay triangles of the feet without those longer than 4 median edges (an alpha shape),
-    its largest loop, fitted by a closed cubic. Holes inside are kept closed. Raises `InputError` if the
+    its largest loop, fitted by a closed cubic that keeps nearly all points inside. Holes inside are kept closed. Raises `InputError` if the
     feet have no such border.
     """
     box = np.array([[float(end) for end in pair] for pair in surface.domain])
@@ -37,9 +39,12 @@ def _largest_loop(plane: Float[np.ndarray, "N 2"]) -> np.ndarray | None:
     """Indices of points around the largest piece of the alpha shape, in order."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import Delaunay
+    from scipy.spatial import Delaunay, QhullError
 
-    triangles = Delaunay(plane).simplices
+    try:
+        triangles = Delaunay(plane).simplices
+    except (QhullError, ValueError):  # too few points, or all on one line
+        return None
     corners = plane[triangles]
     lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
     triangles = triangles[lengths.max(axis=1) <= _LONG * np.median(lengths)]
@@ -84,14 +89,21 @@ def _chain(edges: np.ndarray) -> list[np.ndarray]:
 
 
 def _area(loop: Float[np.ndarray, "k 2"]) -> float:
+    return abs(_signed_area(loop))
+
+
+def _signed_area(loop: Float[np.ndarray, "k 2"]) -> float:
     x, y = loop.T
-    return abs(0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))))
+    return 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
 
 
 def _smooth_loop(
     corners: Float[np.ndarray, "k 2"], plane: Float[np.ndarray, "k 2"], box: Float[np.ndarray, "2 2"]
 ) -> BSplineCurve:
-    """A closed cubic of least squares through the corners, inside the domain; few corners are kept as a polygon."""
+    """A closed cubic near the corners, inside the domain; few corners are kept as a polygon.
+
+    Least squares, in which corners outside count more (expectile regression): half of them would lie outside else.
+    """
     count = len(corners) // _POINTS_PER_KNOT
     if count < 6:
         closed = np.concatenate([corners, corners[:1]])
@@ -100,5 +112,11 @@ def _smooth_loop(
     parameters = jnp.asarray(np.concatenate([[0], np.cumsum(steps)[:-1]]) / steps.sum())
     knots = periodic_knots(count, 3)
     matrix = np.asarray(collocation_matrix(knots.astype(parameters.dtype), 3, parameters, periodic=True))
-    control = np.linalg.lstsq(matrix, corners, rcond=None)[0]
+    weights = np.ones(len(corners))
+    for _ in range(_ROUNDS):
+        control = np.linalg.lstsq(weights[:, None] * matrix, weights[:, None] * corners, rcond=None)[0]
+        loop = matrix @ control
+        ahead = np.roll(loop, -1, axis=0) - np.roll(loop, 1, axis=0)
+        left = ahead[:, 0] * (corners - loop)[:, 1] - ahead[:, 1] * (corners - loop)[:, 0]
+        weights = np.where(left * _signed_area(corners) < 0, np.sqrt(_KEEPING), 1.0)
     return BSplineCurve(np.clip(control, box[:, 0], box[:, 1]), knots, 3, periodic=True)

@@ -12,6 +12,7 @@ from .._errors import InputError
 
 _NEIGHBOURS = 10
 _LANDMARKS = 120
+_WIDE = 1.5  # pieces are bridged wherever their gap is at most so many times the shortest one
 _MOST_POINTS = 3000  # the neighbour graph is built on a thinned cloud of at most so many
 
 
@@ -45,7 +46,7 @@ def parametrise(points: Any, *, margin: float = 0.01) -> list[Parametrisation]:
     return [Parametrisation(parameters, index, sides) for parameters, sides in candidates]
 
 
-def check_sheet(points: Float[np.ndarray, "N 3"]) -> None:
+def check_sheet(points: Float[np.ndarray, "..."]) -> None:
     """Refuse clouds that cannot carry a surface."""
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"`points` must have shape (N, 3), got {points.shape}.")
@@ -113,7 +114,10 @@ def _unroll(points: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "k 2"]:
 
 
 def _neighbour_graph(points: Float[np.ndarray, "k 3"]):
-    """Edges to the nearest neighbours, and the shortest bridges between pieces that these leave apart."""
+    """Edges to the nearest neighbours, and bridges between pieces that these leave apart.
+
+    A gap is bridged along all of its width: over a single bridge all ways would lead, and be too long.
+    """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree
@@ -131,10 +135,10 @@ def _neighbour_graph(points: Float[np.ndarray, "k 3"]):
             return graph
         inside = label == label[0]
         gap, nearest = KDTree(points[inside]).query(points[~inside])
-        bridge = int(np.argmin(gap))
-        start = np.append(start, np.flatnonzero(~inside)[bridge])
-        end = np.append(end, np.flatnonzero(inside)[nearest[bridge]])
-        length = np.append(length, gap[bridge])
+        bridges = gap <= _WIDE * gap.min()
+        start = np.append(start, np.flatnonzero(~inside)[bridges])
+        end = np.append(end, np.flatnonzero(inside)[nearest[bridges]])
+        length = np.append(length, gap[bridges])
 
 
 def _in_rectangle(flat: Float[np.ndarray, "k 2"], margin: float) -> tuple[Float[np.ndarray, "k 2"], tuple[float, float]]:

@@ -20,7 +20,8 @@ class Problem(eqx.Module):
 
     The unknowns θ are the free leaves, flattened in order; `shape` holds their start and all that is fixed. The objective
     is ½ Σ w s² ρ(d²/s²) / (size² Σ w) plus half the penalties, d the distance to the foot point, and so without unit.
-    weights: (N,) ≥ 0; scale: s of the loss; bending and fairness: weights of the two penalties; sliding: see `linearise`.
+    weights: (N,) ≥ 0; scale: s of the loss; bending and fairness: weights of the two penalties; sliding: see
+    `linearise`; rest: the θ at which nothing is bent, 0 for a flat sheet.
     """
 
     shape: Any
@@ -31,6 +32,7 @@ class Problem(eqx.Module):
     bending: Float[Array, ""]
     fairness: Float[Array, ""]
     sliding: Float[Array, ""]
+    rest: Float[Array, "P"]
     free: tuple[bool, ...] = eqx.field(static=True)
     loss: str = eqx.field(static=True)
     fair: bool = eqx.field(static=True)

@@ -39,7 +39,7 @@ class Boundary:
         """
         return cls(surface, tuple(loops), tuple(_corners(surface, c, stretch, spacing, wanted / 2) for c in loops))
 
-    def polygons(self) -> list[Float[np.ndarray, "k 2"]]:
+    def polygons(self) -> list[Float[np.ndarray, "_ 2"]]:
         """The corners in the parameter plane, the last not repeating the first."""
         pairs = zip(self.loops, self.parameters, strict=True)
         return [loop_points(self.surface, loop, p[:-1]) for loop, p in pairs]

@@ -74,8 +74,8 @@ def _given(shape: AbstractCurve | AbstractSurface, start: Numbers, batch: tuple[
     if parameters.shape != expected:
         raise InputError(f"`start` must have shape {expected}, one entry for each point, got {parameters.shape}.")
     box = parameter_box(shape)
-    inside = jnp.clip(parameters, *(end if isinstance(shape, AbstractSurface) else end[0] for end in box[:2]))
-    return jax.lax.stop_gradient(inside)
+    lower, upper = (jnp.broadcast_to(end.reshape(expected[len(batch) :]), expected) for end in (box.lower, box.upper))
+    return jax.lax.stop_gradient(jnp.clip(parameters, lower, upper))
 
 
 def _dimension(shape: AbstractCurve | AbstractSurface) -> int:

@@ -86,8 +86,12 @@ def descend(
     least = jnp.full(points.shape[0], jnp.inf, starts.dtype)
     state = (take_up(search), search, jnp.minimum(count, lanes), starts[chosen[:, 0]], least)
     found = jax.lax.while_loop(going, turn, state)[3]
-    wrapped = box.lower + jnp.mod(found - box.lower, box.upper - box.lower)
-    return jnp.where(box.free & ((found < box.lower) | (found > box.upper)), wrapped, found)
+    return jax.vmap(lambda t: _wrapped(t, box))(found)
+
+
+def _wrapped(t: Float[Array, "k"], box: Box) -> Float[Array, "k"]:
+    inside = box.lower + jnp.mod(t - box.lower, box.upper - box.lower)
+    return jnp.where(box.free & ((t < box.lower) | (t > box.upper)), inside, t)
 
 
 def _where(condition: Bool[Array, "w"], a: Array, b: Array) -> Array:

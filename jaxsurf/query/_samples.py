@@ -23,36 +23,36 @@ _DEFAULT_COUNT = 49
 
 
 @singledispatch
-def sample_parameters(shape: Any) -> tuple[Float[Array, "m"], ...]:
+def sample_parameters(shape: Any) -> tuple[Float[Array, "_"], ...]:
     """Ascending parameters in each direction that resolve the shape, both ends included; works on traced shapes."""
     raise TypeError(f"`sample_parameters` expects a curve or a surface, got {type(shape).__name__}.")
 
 
 @sample_parameters.register
-def _(shape: AbstractCurve) -> tuple[Float[Array, "m"], ...]:
+def _(shape: AbstractCurve) -> tuple[Float[Array, "_"], ...]:
     return (_evenly(shape.domain, shape.dtype),)
 
 
 @sample_parameters.register
-def _(shape: AbstractSurface) -> tuple[Float[Array, "m"], ...]:
+def _(shape: AbstractSurface) -> tuple[Float[Array, "_"], ...]:
     domain_u, domain_v = shape.domain
     return _evenly(domain_u, shape.dtype), _evenly(domain_v, shape.dtype)
 
 
 @sample_parameters.register(BSplineCurve)
 @sample_parameters.register(NURBSCurve)
-def _(shape: Any) -> tuple[Float[Array, "m"], ...]:
+def _(shape: Any) -> tuple[Float[Array, "_"], ...]:
     return (_in_spans(shape.basis, 6, 24),)
 
 
 @sample_parameters.register(BSplineSurface)
 @sample_parameters.register(NURBSSurface)
-def _(shape: Any) -> tuple[Float[Array, "m"], ...]:
+def _(shape: Any) -> tuple[Float[Array, "_"], ...]:
     return _in_spans(shape.basis_u, 4, 12), _in_spans(shape.basis_v, 4, 12)
 
 
 @sample_parameters.register
-def _(shape: TrimmedSurface) -> tuple[Float[Array, "m"], ...]:
+def _(shape: TrimmedSurface) -> tuple[Float[Array, "_"], ...]:
     return sample_parameters(shape.surface)
 
 

@@ -17,7 +17,7 @@ _FAR = 1e30
 _SEGMENT = 4  # neighbouring samples of which one may be chosen
 
 
-def sample_points(shape: Any) -> tuple[tuple[Float[Array, "m"], ...], Float[Array, "n m d"]]:
+def sample_points(shape: Any) -> tuple[tuple[Float[Array, "_"], ...], Float[Array, "n m d"]]:
     """Parameters in each direction, and the points of a shape there; those of a curve are one row."""
     axes = sample_parameters(shape)
     points = shape(*axes)[None] if isinstance(shape, AbstractCurve) else shape.grid_points(*axes)
@@ -46,7 +46,7 @@ def choose_starts(
     table, edges, inside = _ringed(samples, closed, width)
     low, high = jnp.min(samples, axis=(0, 1)), jnp.max(samples, axis=(0, 1))
     centre, size = (low + high) / 2, _not_zero(jnp.max(high - low))
-    flat = (table[..., :d] - centre) / size
+    flat = (table[..., :d] - centre[None, None]) / size
     lift = jnp.where(table[..., d:] > 0, _FAR, 0.5 * jnp.sum(flat * flat, axis=-1, keepdims=True))
     # Single precision ranks samples well enough, in half the time.
     factors = jnp.concatenate([jnp.where(lift < _FAR, flat, 0), lift], -1).reshape(-1, d + 1).astype(jnp.float32)
@@ -56,7 +56,7 @@ def choose_starts(
 
     def nearest(p: Float[Array, "b d"]) -> tuple[Int[Array, "b c"], Bool[Array, "b c"]]:
         # Points run along the last axis: minima over samples are then taken for many points at once.
-        offset = (p - centre) / size
+        offset = (p - centre[None]) / size
         shrink = 1 / jnp.maximum(1, jnp.max(jnp.abs(offset), axis=-1, keepdims=True))
         sides = jnp.concatenate([-offset * shrink, jnp.maximum(shrink, 1e-7)], -1).astype(jnp.float32)
         # d² / 2 − p² / 2, times `shrink` for points far away
@@ -121,9 +121,9 @@ def _lowest(
     left = value
     for _ in range(count):
         low = jnp.min(left, axis=0)
-        number = jnp.min(jnp.where(left <= low, which, jnp.iinfo(which.dtype).max), axis=0)
+        number = jnp.min(jnp.where(left <= low[None], which, jnp.iinfo(which.dtype).max), axis=0)
         found.append((jnp.minimum(number, jnp.max(which)), low))
-        left = jnp.where((left <= low) & (which == number), _FAR, left)
+        left = jnp.where((left <= low[None]) & (which == number[None]), _FAR, left)
     return found
 
 

@@ -112,7 +112,7 @@ def _lines(shape: Any, colour: Colour, control: bool) -> list[Line]:
     raise InputError(f"Only curves and surfaces can be plotted, got {type(shape).__name__}.")
 
 
-def _control_lines(shape: Any) -> list[Float[np.ndarray, "n 3"]]:
+def _control_lines(shape: Any) -> list[Float[np.ndarray, "_ 3"]]:
     held = getattr(shape, "control_points", None)
     if held is None:
         return []

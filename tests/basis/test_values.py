@@ -15,7 +15,8 @@ every_case = pytest.mark.parametrize("name, degree", CASES)
 @every_case
 def test_partition_of_unity(name, degree):
     values, derivatives = tables(name, degree)
-    np.testing.assert_allclose(values.sum(axis=1), 1, rtol=0, atol=1e-12)
+    # beyond the ends of a short span the functions are large, and cancel
+    assert np.all(np.abs(values.sum(axis=1) - 1) <= 1e-15 * degree * (4 + np.abs(values).sum(axis=1)))
     largest = np.max(np.abs(derivatives), axis=(0, 2))
     assert np.all(np.abs(derivatives[:, 1:].sum(axis=2)) <= 1e-12 * (1 + largest[1:]))
 
@@ -41,7 +42,7 @@ def test_values_within_the_domain_are_not_negative(name, degree):
 def test_clamped_functions_start_and_end_at_one(degree):
     knots = js.clamped_knots(degree + 3, degree, (A, B))
     values = collocation_matrix(knots, degree, jnp.array([A, B]))
-    np.testing.assert_array_equal(values, np.eye(degree + 3)[[0, -1]])
+    np.testing.assert_allclose(values, np.eye(degree + 3)[[0, -1]], rtol=0, atol=2 * np.finfo(float).eps)
 
 
 def test_spans_are_half_open_and_the_last_is_closed():
@@ -56,9 +57,9 @@ def test_spans_are_half_open_and_the_last_is_closed():
 def test_periodic_parameters_are_wrapped(name):
     basis = make(name, 3)
     u = jnp.array([A, 2.4, 3.1, 4.95])
-    turned = collocation_matrix(basis.knots, 3, u[:, None] + 3.0 * jnp.arange(-2.0, 3.0), periodic=True)
+    turned = [collocation_matrix(basis.knots, 3, u + 3.0 * turns, periodic=True) for turns in range(-2, 3)]
     once = collocation_matrix(basis.knots, 3, u, periodic=True)
-    np.testing.assert_allclose(turned, np.repeat(once[:, None], 5, axis=1), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(turned, np.repeat(once[None], 5, axis=0), rtol=0, atol=1e-13)
 
 
 def test_many_knots_are_searched_alike():
@@ -143,5 +144,5 @@ def test_single_precision_stays_single(name):
     values = single.matrix(jnp.asarray(places(name, 3), jnp.float32))
     assert values.dtype == jnp.float32
     inside = (places(name, 3) >= A) & (places(name, 3) <= B)
-    smooth = np.abs(values - tables(name, 3)[0])[inside]
+    smooth = np.abs(np.asarray(values) - tables(name, 3)[0])[inside]
     assert smooth.max() < 1e-5

@@ -47,8 +47,8 @@ def corner():
 def test_a_half_cylinder_is_met_all_round(cylinder):
     assert cylinder.deviation.rms < 1.1 * NOISE and cylinder.deviation.max < 6 * NOISE
     (a, b), (c, d) = cylinder.shape.domain
-    net = cylinder.shape.grid_points(jnp.linspace(a, b, 40), jnp.linspace(c, d, 40)) - jnp.asarray([7.0, -3.0, 4.0])
-    angle = np.arctan2(net[..., 1], net[..., 0])
+    net = np.asarray(cylinder.shape.grid(np.linspace(a, b, 40), np.linspace(c, d, 40))) - [7, -3, 4]
+    angle = np.pi / 2 - np.arctan2(net[..., 0], net[..., 1])
     assert angle.min() < 0.03 and angle.max() > np.pi - 0.03
     assert angle.min() > -0.1 and angle.max() < np.pi + 0.1
     np.testing.assert_allclose(np.hypot(net[..., 0], net[..., 1]), RADIUS, rtol=0, atol=5 * NOISE)
@@ -63,8 +63,8 @@ def test_the_longer_side_is_along_u(cylinder):
 
 def test_normals_point_to_the_outer_side(cylinder):
     u, v = cylinder.foot.parameters.T
-    outwards = (cylinder.foot.points - jnp.asarray([7.0, -3.0, 4.0])) * jnp.asarray([1, 1, 0])
-    assert np.all(np.sum(js.normal(cylinder.shape, u, v) * outwards, axis=-1) > 0.9 * RADIUS)
+    outwards = (np.asarray(cylinder.foot.points) - [7, -3, 4]) * [1, 1, 0]
+    assert np.all(np.sum(np.asarray(js.normal(cylinder.shape, u, v)) * outwards, axis=-1) > 0.9 * RADIUS)
 
 
 def test_points_left_out_deviate_as_the_noise(cylinder):
@@ -89,8 +89,10 @@ def test_a_cloud_fit_tells_what_it_did(cylinder):
 
 def test_a_half_cylinder_unrolls_to_its_side_lengths():
     unrolled, projected = js.parametrise(half_cylinder())
-    np.testing.assert_allclose(unrolled.sides, (HEIGHT, np.pi * RADIUS), rtol=0.03)
-    np.testing.assert_allclose(projected.sides, (HEIGHT, 2 * RADIUS), rtol=0.03)
+    inside = 0.98  # the share of the unit square that the margins leave
+    # ways from point to point zigzag, and are a little longer than the sheet
+    np.testing.assert_allclose(np.multiply(unrolled.sides, inside), (HEIGHT, np.pi * RADIUS), rtol=0.05)
+    np.testing.assert_allclose(np.multiply(projected.sides, inside), (HEIGHT, 2 * RADIUS), rtol=0.01)
     assert unrolled.parameters.min() > 0 and unrolled.parameters.max() < 1
 
 
@@ -98,7 +100,7 @@ def test_unrolled_parameters_are_lengths_along_the_sheet():
     points = half_cylinder()
     unrolled = js.parametrise(points)[0]
     centred = points[unrolled.index] - [7, -3, 4]
-    along = RADIUS * np.arctan2(centred[:, 1], centred[:, 0]), centred[:, 2]
+    along = -RADIUS * np.arctan2(centred[:, 0], centred[:, 1]), centred[:, 2]  # from -π/2 to π/2
     for found, length in zip(unrolled.parameters.T, along[::-1], strict=True):
         assert abs(np.corrcoef(found, length)[0, 1]) > 0.999
 
@@ -111,11 +113,15 @@ def test_the_order_of_the_points_does_not_matter():
 
 
 def test_islands_are_bridged():
-    """Two pieces of one sheet, a gap between them: the unrolled cloud has the length of both and the gap."""
+    """Two pieces of one sheet, a gap between them: the unrolled cloud has the length of both and the gap.
+
+    Across the gap ways keep to the bridges, so that it opens a little like a fan.
+    """
     points = half_cylinder()
     islands = points[np.abs(points[:, 2] - 4 - HEIGHT / 2) > 8]
     found = js.parametrise(islands)[0]
-    np.testing.assert_allclose(found.sides, (HEIGHT, np.pi * RADIUS), rtol=0.1)
+    np.testing.assert_allclose(found.sides, (HEIGHT, np.pi * RADIUS), rtol=0.2)
+    assert js.fit_cloud(islands, spans=(3, 6)).deviation.rms < 1.1 * NOISE
 
 
 @pytest.mark.parametrize("most", [5000, 400])
@@ -193,9 +199,9 @@ def wavy(count=900):
 
 def test_the_net_is_refined_until_the_tolerance_is_met():
     events = []
-    found = js.fit_cloud(wavy(), tolerance=0.02, quantile=0.9, spans=(4, 4), progress=events.append)
+    found = js.fit_cloud(wavy(), tolerance=0.005, quantile=0.9, spans=(4, 4), progress=events.append)
     assert found.met and found.stages[-1].within >= 0.9 and len(found.stages) > 1
-    assert np.mean(np.abs(found.deviation) <= 0.02) == pytest.approx(found.stages[-1].within)
+    assert np.mean(np.abs(found.deviation) <= 0.005) == pytest.approx(found.stages[-1].within)
     assert found.stages[0].spans == (4, 4) and found.stages[0].within < 0.9
     assert all(a.control_points < b.control_points for a, b in zip(found.stages, found.stages[1:], strict=False))
     assert found.stages[-1].control_points == found.shape.control_points.size // 3

@@ -64,11 +64,10 @@ def test_points_without_weight_do_not_count():
     points, far = with_outliers(3)
     weights = np.ones(COUNT)
     weights[far] = 0
-    options = {"bending": STIFF, "weights": weights}
-    found = js.fit(dented(TRUTH, 3), points, **options)
+    found = js.fit(dented(TRUTH, 3), points, weights=weights)
     elsewhere = points.copy()
     elsewhere[far, 2] += 0.25  # the box, and so the unit of the objective, grows a little
-    again = js.fit(dented(TRUTH, 3), elsewhere, **options)
+    again = js.fit(dented(TRUTH, 3), elsewhere, weights=weights)
     assert rms_distance(found.shape, INSIDE) < 0.8 * NOISE
     assert rms_distance(again.shape, np.asarray(found.foot.points)) < 0.1 * NOISE
 

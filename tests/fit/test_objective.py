@@ -22,6 +22,8 @@ SIDES = (10.0, 6.0)
 
 def problem_of(shape, points, *, free=None, loss="squared", fair=False, sliding=0.0):
     number = jnp.asarray
+    leaves = zip(jax.tree.leaves(shape), free_leaves(shape, free), strict=True)
+    unknowns = sum(leaf.size for leaf, moves in leaves if moves)
     return Problem(
         shape,
         number(points),
@@ -31,6 +33,7 @@ def problem_of(shape, points, *, free=None, loss="squared", fair=False, sliding=
         number(1e-4),
         number(1e-2 if fair else 0.0),
         number(sliding),
+        number(0.1 * np.random.default_rng(6).normal(size=unknowns)),
         free_leaves(shape, free),
         loss,
         fair,
@@ -59,7 +62,7 @@ def evaluate_all(problem, trials, feet, penalty):
 
 def around(problem, feet, penalty, h):
     """Directions, and value, gradient and matrix at h and -h along each, and in their middle."""
-    theta = problem.unknowns()
+    theta = np.asarray(problem.unknowns())
     steps = np.random.default_rng(3).normal(size=(3, theta.size))
     trials = jnp.asarray(np.concatenate([theta + h * steps, theta - h * steps, theta[None]]))
     return steps, evaluate_all(problem, trials, feet, penalty)
@@ -197,7 +200,7 @@ FAIR = {"net": NET, "curve": CURVE}
 def fair(request):
     shape = FAIR[request.param]
     problem = problem_of(shape, np.ones((4, 3)), fair=True)
-    theta = problem.unknowns()
+    theta = np.asarray(problem.unknowns())
     steps = np.random.default_rng(3).normal(size=(3, theta.size))
     trials = jnp.asarray(np.concatenate([theta[None], theta + 1e-5 * steps, theta - 1e-5 * steps, 3 * theta[None]]))
     terms = lambda p: jax.lax.map(lambda x: fairness_terms(p.member(x), p), trials)
