@@ -67,8 +67,9 @@ def fit(
     "huber", "cauchy" or "tukey", whose scale follows the noise found. fairness: weight of the scale-free curvature variation
     against the mean squared distance in units of size²; it does not shrink circles (useful: 1e-9 … 1e-3). bending: weight of
     the quadratic bending energy of B-spline nets that holds what no point determines; `None` is a weight too weak to be
-    seen in the covered part. rest: the net on the same knots from which bending is counted, by default a flat one. start: parameters of first feet, from an earlier fit. sliding: how much the solver
-    resists gliding of the net along the sheet, which points do not see; it steers the way, not the goal.
+    seen in the covered part. rest: the net on the same knots from which bending is counted, by default a flat one.
+    start: parameters of first feet, from an earlier fit. sliding: how much the solver resists gliding of the net along the
+    sheet, which points do not see; it steers the way, not the goal.
     phase: what `progress` is told.
 
     Levenberg-Marquardt on signed distances with the feet eliminated (Gauss-Newton by the envelope theorem), normal

@@ -22,8 +22,8 @@ def trim_to_cloud(surface: BSplineSurface, parameters: Float[Array, "N 2"], side
 
     parameters: the feet; sides: lengths of the sheet along u and v, so that distances in the parameter plane mean something.
     The border is that of the Delaunay triangles of the feet without those longer than 4 median edges (an alpha shape),
-    its largest loop, fitted by a closed cubic that keeps nearly all points inside. Holes inside are kept closed. Raises `InputError` if the
-    feet have no such border.
+    its largest loop, fitted by a closed cubic that keeps nearly all points inside. Holes inside are kept closed.
+    Raises `InputError` if the feet have no such border.
     """
     box = np.array([[float(end) for end in pair] for pair in surface.domain])
     scale = np.asarray([float(side) for side in sides]) / (box[:, 1] - box[:, 0])

@@ -123,7 +123,7 @@ def _neighbour_graph(points: Float[np.ndarray, "k 3"]):
     from scipy.spatial import KDTree
 
     count = len(points)
-    distance, neighbour = KDTree(points).query(points, k=min(_NEIGHBOURS + 1, count))
+    distance, neighbour = map(np.asarray, KDTree(points).query(points, k=min(_NEIGHBOURS + 1, count)))
     start = np.repeat(np.arange(count), neighbour.shape[1] - 1)
     end, length = neighbour[:, 1:].ravel(), distance[:, 1:].ravel()
     # a sparse matrix forgets entries that are 0, so coincident points get a tiny distance
@@ -134,7 +134,7 @@ def _neighbour_graph(points: Float[np.ndarray, "k 3"]):
         if pieces == 1:
             return graph
         inside = label == label[0]
-        gap, nearest = KDTree(points[inside]).query(points[~inside])
+        gap, nearest = map(np.asarray, KDTree(points[inside]).query(points[~inside]))
         bridges = gap <= _WIDE * gap.min()
         start = np.append(start, np.flatnonzero(~inside)[bridges])
         end = np.append(end, np.flatnonzero(inside)[nearest[bridges]])

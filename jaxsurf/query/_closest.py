@@ -34,15 +34,15 @@ def closest_point(
     points: Numbers,
     *,
     start: Numbers | None = None,
-    candidates: int = 4,
+    candidates: int = 6,
 ) -> Foot:
     """Feet of `points` (..., 3) on a curve or surface, borders included.
 
-    Without `start` safeguarded Newton iterations begin where the distance is least on a grid of samples (four or
-    more in each knot span), at up to `candidates` local minima, and the best foot wins: on smooth sheets the nearest
-    one, on a very bumpy one and far away another one a few times in ten thousand. With `start` (parameters in the form
-    of `Foot.parameters`, from an earlier call) only these are refined. Memory does not grow with the number of points
-    apart from points, feet and 20 bytes per candidate.
+    Without `start` safeguarded Newton iterations begin in all parts of the shape whose bounding boxes are near enough,
+    at up to `candidates` places where a grid of samples (four or more in each knot span) is near, and the best
+    foot wins: on smooth sheets the nearest one, on a very bumpy one and far away another one a few times in ten thousand.
+    With `start` (parameters in the form of `Foot.parameters`, from an earlier call) only these are refined. Memory does
+    not grow with the number of points apart from points, feet and 5 bytes per candidate.
 
     Differentiable in the points and in the shape's control data by the implicit function theorem, to any order; where the
     foot is not unique (centres of curvature) derivatives are finite but meaningless.
@@ -139,9 +139,12 @@ def _measured(shape: Any, p: Float[Array, "d"], t: Float[Array, "k"]) -> Foot:
     offset = p - point
     if isinstance(shape, AbstractCurve):
         return Foot(t[0], point, _safe.norm(offset))
-    height = offset @ _safe.unit(jnp.cross(tangents[:, 0], tangents[:, 1]))
+    normal = _safe.unit(jnp.cross(tangents[:, 0], tangents[:, 1]))
+    height = offset @ normal
     beyond = jnp.where(height < 0, -_safe.norm(offset), _safe.norm(offset))
-    return Foot(t, point, jnp.where(jnp.any(held_parameters(shape, t, -offset @ tangents)), beyond, height))
+    # beyond a border, or where the surface has shrunk to a line or a point
+    aside = jnp.any(held_parameters(shape, t, -offset @ tangents)) | (normal @ normal < 0.5)
+    return Foot(t, point, jnp.where(aside, beyond, height))
 
 
 def _solve_small(matrix: Float[Array, "k k"], y: Float[Array, "k"]) -> Float[Array, "k"]:

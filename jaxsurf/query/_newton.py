@@ -6,7 +6,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._array import eps
 from ..differential._jets import jet
 from ._samples import domain_box, periodic_directions
 
@@ -74,8 +73,10 @@ def step(
     cross are held; where it meets a border the other parameter follows. At the zero gradient the step is 0.
     """
     held = _held(t, gradient, box)
-    squared = jnp.diag(metric)
-    speed = jnp.sqrt(squared + eps(t.dtype) * jnp.sum(squared) + jnp.finfo(t.dtype).tiny)
+    squared, sides = jnp.diag(metric), box.upper - box.lower
+    # lengths per parameter; where one vanishes (at a pole) a way across the domain still counts as a tenth of the other
+    floor = 0.01 * jnp.max(squared * sides**2) / sides**2
+    speed = jnp.sqrt(jnp.maximum(squared, floor) + jnp.finfo(t.dtype).tiny)
     slope = jnp.where(held, 0, gradient / speed)
     steepness = jnp.sqrt(slope @ slope)
     hessian = (metric + bend) / (speed[:, None] * speed[None, :])

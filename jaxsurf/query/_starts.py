@@ -1,20 +1,21 @@
-"""Where searches for feet begin: local minima of the distance on a grid of samples."""
+"""Where searches for feet begin: the few cells of a shape that may hold the foot, and the best place in each."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .. import _safe
 from ..curve import AbstractCurve
+from ._cells import Cells, boxes, cut_into_cells, distances
 from ._samples import periodic_directions, sample_parameters
 
-_ENTRIES = 2**17  # of the distance table that is held at once: half a megabyte
-_FAR = 1e30
-_SEGMENT = 4  # neighbouring samples of which one may be chosen
+_CHUNK = 128  # points worked on together
+_ROUND = 2  # cells looked at before asking whether that is enough
+_NONE = 1e30
+_FAR = 300.0  # sizes of the shape; points further away are looked at from there
 
 
 def sample_points(shape: Any) -> tuple[tuple[Float[Array, "_"], ...], Float[Array, "n m d"]]:
@@ -28,103 +29,120 @@ def sample_points(shape: Any) -> tuple[tuple[Float[Array, "_"], ...], Float[Arra
 def choose_starts(
     shape: Any, points: Float[Array, "N d"], candidates: int
 ) -> tuple[Float[Array, "s k"], Int[Array, "N c"], Bool[Array, "N c"]]:
-    """Parameters of the samples; for each point the numbers of the nearest samples, and which of them may lead
-    to the foot.
+    """Parameters of the samples; for each point the numbers of the samples that may lead to the foot, and which of them
+    are wanted.
 
-    Chosen are samples nearer than their neighbours in both directions; across a border there is no neighbour,
-    and along a border or at a corner a sample need not be nearer than those inside. (On a very bumpy 8 × 8 net
-    1 foot in 2000 is missed so; 1 in 200 if the neighbours across corners had to be further away as well.) A sample further
-    than the nearest one by more than the way to its neighbours is not wanted.
+    Cells (blocks of samples) are looked at in the order of the distances of their bounding boxes, as long as these are
+    below the least distance found. In each the sample is taken whose distance falls lowest on the parabolas through it and
+    its neighbours, which see minima between samples; where these lead out of the cell the minimum is the neighbour's.
+    The `candidates` best are kept, and wanted if three times the fall would bring them below the least distance.
     """
     axes, samples = sample_points(shape)
     closed = (False,) * (2 - len(axes)) + periodic_directions(shape)
-    # the last sample of a closed direction is the first one again
-    axes = tuple(axis[:-1] if loop else axis for axis, loop in zip(axes, closed[-len(axes) :], strict=True))
-    samples = samples[: -1 if closed[0] else None, : -1 if closed[1] else None]
-    rows, columns, d = samples.shape
-    width = -(-columns // _SEGMENT) * _SEGMENT
-    table, edges, inside = _ringed(samples, closed, width)
     low, high = jnp.min(samples, axis=(0, 1)), jnp.max(samples, axis=(0, 1))
     centre, size = (low + high) / 2, _not_zero(jnp.max(high - low))
-    flat = (table[..., :d] - centre[None, None]) / size
-    lift = jnp.where(table[..., d:] > 0, _FAR, 0.5 * jnp.sum(flat * flat, axis=-1, keepdims=True))
     # Single precision ranks samples well enough, in half the time.
-    factors = jnp.concatenate([jnp.where(lift < _FAR, flat, 0), lift], -1).reshape(-1, d + 1).astype(jnp.float32)
-    reach = _reach(samples, closed)
-    number = np.minimum(np.arange(width), columns - 1) + columns * np.arange(rows)[:, None]
-    number = jnp.asarray(number.reshape(rows, -1, _SEGMENT), jnp.int32)
+    flat = ((samples - centre[None, None]) / size).astype(jnp.float32)
+    single = tuple(axis.astype(jnp.float32) for axis in axes)
+    cells = cut_into_cells(flat, single if len(axes) == 2 else (jnp.zeros(1, jnp.float32), *single), closed)
+    middle, ends = boxes(cells)
+    number = jnp.arange(cells.count, dtype=jnp.int32)[:, None]
 
     def nearest(p: Float[Array, "b d"]) -> tuple[Int[Array, "b c"], Bool[Array, "b c"]]:
-        # Points run along the last axis: minima over samples are then taken for many points at once.
         offset = (p - centre[None]) / size
-        shrink = 1 / jnp.maximum(1, jnp.max(jnp.abs(offset), axis=-1, keepdims=True))
-        sides = jnp.concatenate([-offset * shrink, jnp.maximum(shrink, 1e-7)], -1).astype(jnp.float32)
-        # d² / 2 − p² / 2, times `shrink` for points far away
-        grid = jnp.matmul(factors, sides.T, precision=jax.lax.Precision.HIGHEST)
-        grid = grid.reshape(rows + 2, -1, p.shape[0])
-        here = grid[1:-1, 1 : width + 1]
-        across = jnp.minimum(grid[:-2, 1 : width + 1], grid[2:, 1 : width + 1])
-        along = jnp.minimum(grid[1:-1, :width], grid[1:-1, 2 : width + 2])
-        minimal = inside & ((here <= across) | edges[0]) & ((here <= along) | edges[1])
-        minima = jnp.where(minimal, here, _FAR).reshape(rows, -1, _SEGMENT, p.shape[0])
-        value, which = minima[:, :, 0], jnp.broadcast_to(number[:, :, :1], minima[:, :, 0].shape)
-        for i in range(1, _SEGMENT):
-            lower = minima[:, :, i] < value
-            value = jnp.where(lower, minima[:, :, i], value)
-            which = jnp.where(lower, number[:, :, i, None], which)
-        value, which = value.reshape(-1, p.shape[0]), which.reshape(-1, p.shape[0])
-        chosen = _lowest(value, which, candidates)
-        at = samples.reshape(-1, d)[jnp.stack([c for c, _ in chosen], axis=1)]
-        distance = _safe.norm(p[:, None] - at)
-        numbers = jnp.stack([c for c, _ in chosen], axis=1)
-        wanted = jnp.stack([v < _FAR * 1e-10 for _, v in chosen], axis=1)
-        wanted &= distance - reach.reshape(-1)[numbers] < jnp.min(distance, axis=1, keepdims=True)
-        return numbers, wanted.at[:, 0].set(True)
+        pulled = jnp.minimum(1, _safe.divide(jnp.full_like(offset[:, :1], _FAR), _safe.norm(offset, keepdims=True)))
+        near = jnp.where(jnp.isfinite(offset), offset * pulled, 0).astype(jnp.float32)
+        squared = jnp.sum(near * near, axis=1)
+        slack = 1e-6 * (1 + squared)
+        least, most = distances(middle, ends, near)
+
+        def going(state: tuple[Array, Array, list[_Best]]) -> Bool[Array, ""]:
+            left, lowest, _ = state
+            return jnp.any(jnp.min(left, axis=0) <= lowest)
+
+        def look(state: tuple[Array, Array, list[_Best]]) -> tuple[Array, Array, list[_Best]]:
+            left, lowest, best = state
+            for _ in range(_ROUND):
+                low = jnp.min(left, axis=0)
+                nearest = jnp.min(jnp.where(left <= low[None], number, cells.count - 1), axis=0)
+                left = jnp.where(number == nearest[None], jnp.inf, left)
+                found = _look(cells, nearest, near)
+                found = found._replace(hope=jnp.where(low <= lowest, found.hope, _NONE))
+                lowest = jnp.minimum(lowest, 2 * found.value + squared + slack)
+                best = _insert(best, found)
+            return left, lowest, best
+
+        none = jnp.full_like(squared, _NONE)
+        best = [_Best(none, none, jnp.zeros(none.shape, jnp.int32))] * candidates
+        _, lowest, best = jax.lax.while_loop(going, look, (least, jnp.min(most, axis=0) + slack, best))
+        hopes = jnp.stack([found.hope - 0.5 * (found.value - found.hope) for found in best], axis=1)
+        wanted = 2 * hopes <= (lowest - squared)[:, None]
+        return jnp.stack([found.sample for found in best], axis=1), wanted.at[:, 0].set(True)
 
     parameters = jnp.stack(jnp.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-    numbers, wanted = _in_chunks(nearest, points, max(32, _ENTRIES // factors.shape[0]))
+    numbers, wanted = _in_chunks(nearest, points, _CHUNK)
     return jax.lax.stop_gradient(parameters), numbers, wanted
 
 
-def _ringed(
-    samples: Float[Array, "n m d"], closed: tuple[bool, ...], width: int
-) -> tuple[Float[Array, "n2 m2 d1"], tuple[np.ndarray, np.ndarray], np.ndarray]:
-    """The samples with a ring of neighbours and filled up to `width` columns, a last number telling which are
-    none; then which rows and columns are borders, and which columns are samples."""
-    rows, columns, _ = samples.shape
-    table = jnp.pad(samples, ((0, 0), (0, 0), (0, 1)))
-    for axis, loop in enumerate(closed):
-        ends = [(1, 1) if i == axis else (0, 0) for i in range(3)]
-        table = jnp.pad(table, ends, mode="wrap") if loop else jnp.pad(table, ends, constant_values=1)
-    table = jnp.pad(table, ((0, 0), (0, width - columns), (0, 0)), constant_values=1)
-    row, column = np.arange(rows)[:, None, None], np.arange(width)[None, :, None]
-    first_or_last = np.isin(row, (0, rows - 1)), np.isin(column, (0, columns - 1))
-    return table, (first_or_last[0] & (not closed[0]), first_or_last[1] & (not closed[1])), column < columns
+class _Best(NamedTuple):
+    """Of one cell: ½ d² − ½ p² at its best sample, the same after twice the fall of the parabolas there, and the sample's
+    number."""
+
+    value: Float[Array, "b"]
+    hope: Float[Array, "b"]
+    sample: Int[Array, "b"]
 
 
-def _reach(samples: Float[Array, "n m d"], closed: tuple[bool, ...]) -> Float[Array, "n m"]:
-    """The longest way from each sample to one of its eight neighbours."""
-    rows, columns, _ = samples.shape
-    around = samples
-    for axis, loop in enumerate(closed):
-        ends = [(1, 1) if i == axis else (0, 0) for i in range(3)]
-        around = jnp.pad(around, ends, mode="wrap" if loop else "edge")
-    shifts = [around[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]
-    return jnp.max(jnp.stack([_safe.norm(shifted - samples) for shifted in shifts]), axis=0)
+def _look(cells: Cells, number: Int[Array, "b"], p: Float[Array, "b d"]) -> _Best:
+    """The best sample of cell `number[i]` for point i."""
+    rows, columns = cells.sides
+    table = cells.samples[number]  # (b, d + 1, (rows + 2) (columns + 2))
+    half = table[:, -1] - sum(p[:, k, None] * table[:, k] for k in range(p.shape[1]))
+    half = half.reshape(-1, rows + 2, columns + 2)
+    here = half[:, 1:-1, 1:-1]
+    fall_u, step_u = _bottom(half[:, :-2, 1:-1], here, half[:, 2:, 1:-1], cells.along_u[number][..., None])
+    fall_v, step_v = _bottom(half[:, 1:-1, :-2], here, half[:, 1:-1, 2:], cells.along_v[number][..., None, :])
+    fall = fall_u + fall_v
+    inside = _stays(step_u, cells.rim_u[number][..., None]) & _stays(step_v, cells.rim_v[number][..., None, :])
+    value = jnp.where(inside, here - fall, _NONE).reshape(p.shape[0], -1)
+    index = jnp.argmin(value, axis=1).astype(jnp.int32)
+    pick = lambda x: jnp.take_along_axis(x.reshape(p.shape[0], -1), index[:, None], axis=1)[:, 0]
+    at, fall = pick(here), pick(fall)
+    hope = jnp.where(pick(value) < _NONE, at - 2 * fall, _NONE)
+    return _Best(at, hope, pick(cells.numbers[number]))
 
 
-def _lowest(
-    value: Float[Array, "s b"], which: Int[Array, "s b"], count: int
-) -> list[tuple[Int[Array, "b"], Float[Array, "b"]]]:
-    """The `which` of the lowest values in ascending order, and these values."""
-    found = []
-    left = value
-    for _ in range(count):
-        low = jnp.min(left, axis=0)
-        number = jnp.min(jnp.where(left <= low[None], which, jnp.iinfo(which.dtype).max), axis=0)
-        found.append((jnp.minimum(number, jnp.max(which)), low))
-        left = jnp.where((left <= low[None]) & (which == number[None]), _FAR, left)
-    return found
+def _insert(best: list[_Best], found: _Best) -> list[_Best]:
+    """The list in ascending order of hope, with `found` in its place and without the last."""
+    sorted_in = []
+    for kept in best:
+        better = found.hope < kept.hope
+        pick = lambda a, b, better=better: jax.tree.map(lambda x, y: jnp.where(better, x, y), a, b)
+        sorted_in.append(pick(found, kept))
+        found = pick(kept, found)
+    return sorted_in
+
+
+def _bottom(
+    before: Float[Array, "b r c"],
+    here: Float[Array, "b r c"],
+    after: Float[Array, "b r c"],
+    spacing: Float[Array, "b 4 ..."],
+) -> tuple[Float[Array, "b r c"], Float[Array, "b r c"]]:
+    """How far the parabola through three samples falls within half-way to its neighbours, and the step there."""
+    left, right, back, ahead = (spacing[:, i] for i in range(4))
+    rise, drop = (after - here) / right, (here - before) / left
+    slope = (left * rise + right * drop) / (left + right)
+    bend = 2 * (rise - drop) / (left + right)
+    downhill = jnp.where(slope > 0, -back, ahead)
+    step = jnp.where(bend > 0, jnp.clip(-slope / jnp.where(bend > 0, bend, 1), -back, ahead), downhill)
+    return jnp.maximum(-step * (slope + 0.5 * bend * step), 0), step
+
+
+def _stays(step: Float[Array, "b r c"], rim: Float[Array, "b ..."]) -> Bool[Array, "b r c"]:
+    """Whether a step from a sample does not lead out of its cell; rim: -1 and 1 at the cell's ends, unless nothing is
+    beyond."""
+    return step * rim <= 0
 
 
 def _in_chunks(function: Any, points: Float[Array, "N d"], chunk: int) -> Any:

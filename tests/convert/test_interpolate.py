@@ -1,5 +1,7 @@
 """Splines through points, against scipy's on the same knots."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -66,7 +68,8 @@ def test_end_tangents():
     steps = np.linalg.norm(np.diff(POINTS, axis=0), axis=1) * 8
     slopes = [[steps[0], 0, 0], [0, steps[-1], 0]]
     close(curve.derivative([0.0, 1.0]), slopes, 1e-11)
-    oracle = CubicSpline(np.linspace(0, 1, 9), POINTS, bc_type=((1, slopes[0]), (1, slopes[1])))
+    ends: Any = ((1, slopes[0]), (1, slopes[1]))
+    oracle = CubicSpline(np.linspace(0, 1, 9), POINTS, bc_type=ends)
     close(curve(S), oracle(S))
     two = interpolate(POINTS[:2, :2], end_tangents=([1.0, 0], [0.0, 1]))
     close(two([0.0, 1.0]), POINTS[:2, :2])

@@ -37,7 +37,8 @@ class Crease(Jump):
 
 def largest_error(shape, spline, count=20_000):
     if isinstance(shape, AbstractCurve):
-        u = RANDOM.uniform(*map(float, shape.domain), count)
+        a, b = map(float, shape.domain)
+        u = RANDOM.uniform(a, b, count)
         return float(jnp.max(jnp.linalg.norm(shape(u) - spline(u), axis=-1)))
     (a, b), (c, d) = ((float(x), float(y)) for x, y in shape.domain)
     u, v = RANDOM.uniform(a, b, count), RANDOM.uniform(c, d, count)

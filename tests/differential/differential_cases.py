@@ -1,5 +1,7 @@
 """Shapes of which every curvature is known, and some that are awkward; off the origin, domains not [0, 1]."""
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -10,7 +12,7 @@ from jaxsurf.surface import BSplineSurface
 KNOTS = [2, 2, 2, 2, 2.7, 2.7, 4.1, 5, 5, 5, 5]
 
 
-def bicubic(dtype=np.float64):
+def bicubic(dtype: Any = np.float64):
     """A wavy cubic surface with uneven and repeated knots, on [2, 5] × [2, 5]."""
     rng = np.random.default_rng(0)
     x, y = np.meshgrid(np.linspace(0, 3, 7), np.linspace(0, 2, 7), indexing="ij")
@@ -18,7 +20,7 @@ def bicubic(dtype=np.float64):
     return BSplineSurface(net.astype(dtype), KNOTS, KNOTS, 3, 3)
 
 
-def cubic(dtype=np.float64):
+def cubic(dtype: Any = np.float64):
     """A cubic curve in space with uneven and repeated knots, on [2, 5]."""
     points = np.random.default_rng(1).normal(size=(7, 3)) + 1
     return BSplineCurve(points.astype(dtype), KNOTS, 3)

@@ -142,7 +142,7 @@ def test_the_bending_matrix_is_the_energy_of_the_unrolled_sheet(periodic):
         knots_u = np.array([2.0] * 4 + [3.1] + [5.0] * 4)
     net = np.random.default_rng(1).normal(size=(5, 4, 3))
     shape = js.BSplineSurface(net, knots_u, knots_v, 3, 2, periodic_u=periodic)
-    energy = np.einsum("ix,ij,jx", net.reshape(-1, 3), bending_of(shape, SIDES), net.reshape(-1, 3))
+    energy = np.einsum("ix,ij,jx", net.reshape(-1, 3), np.asarray(bending_of(shape, SIDES)), net.reshape(-1, 3))
     if periodic:  # the same curve with its ends wrapped round
         net = np.concatenate([net, net[:3]])
         knots_u = np.concatenate([knots_u[-4:-1] - 3, knots_u, knots_u[1:4] + 3])

@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 import jaxsurf as js
 
@@ -93,4 +93,4 @@ def least_distance(shape, points: np.ndarray, count: int = 300) -> np.ndarray:
         samples = np.asarray(shape(np.linspace(2, 5, count * count)))
     else:
         samples = np.asarray(shape.grid(np.linspace(2, 5, count), np.linspace(2, 5, count)))
-    return cKDTree(samples.reshape(-1, 3)).query(points)[0]
+    return KDTree(samples.reshape(-1, 3)).query(points)[0]

@@ -79,7 +79,8 @@ def test_offsets_are_normal_inside_and_outward_on_borders(feet, name, kind):
     else:
         tangents = [shape.derivative(*parameters, order) for order in ((1, 0), (0, 1))]
     for at, tangent, loops in zip(parameters, tangents, closed, strict=True):
-        unit = tangent / np.maximum(np.linalg.norm(tangent, axis=-1, keepdims=True), 1e-30)
+        # where a side is shrunk to a point its tangent vanishes
+        unit = tangent / np.maximum(np.linalg.norm(tangent, axis=-1, keepdims=True), 1e-6 * size(shape))
         slope = np.sum(offset * unit, axis=-1) / size(shape)
         start, end = (at == 2) & (not loops), (at == 5) & (not loops)
         assert np.max(np.abs(slope[~start & ~end])) < 1e-10
@@ -132,7 +133,7 @@ def test_feet_across_the_seam_are_found(name):
     found = np.asarray(foot.parameters).reshape(len(u), -1)[:, 0]
     np.testing.assert_allclose((found - u + 1.5) % 3 - 1.5, 0, atol=1e-7)
     other_end = np.where(u < 3, 4.98, 2.02)
-    start = other_end if name == "closed curve" else np.stack([other_end, at[1]], axis=-1)
+    start = other_end if name == "closed curve" else np.stack([other_end, at[-1]], axis=-1)
     again = js.closest_point(shape, shape(*at), start=start)
     np.testing.assert_allclose(again.distance, 0, atol=1e-12)
 
