@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from basis_cases import ORDINARY, PERIODIC, A, B, make
+from knot_cases import ORDINARY, PERIODIC, A, B, make
 
 import jaxsurf as js
 from jaxsurf.basis import check_knots

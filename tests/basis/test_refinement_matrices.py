@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from basis_cases import ORDINARY, A, B, make, places
+from knot_cases import ORDINARY, A, B, make, places
 
 from jaxsurf.basis import (
     averaged_knots,

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from basis_cases import CASES, DEGREES, ORDINARY, PERIODIC, A, B, expected, make, places, tables
+from knot_cases import CASES, DEGREES, ORDINARY, PERIODIC, A, B, expected, make, places, tables
 
 import jaxsurf as js
 from jaxsurf.basis import BSplineBasis, collocation_matrix, cumulative_local, cumulative_row, local_values
