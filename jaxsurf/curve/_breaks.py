@@ -38,12 +38,11 @@ def even_breaks(domain: tuple[Any, Any], dtype: Any) -> Any:
 
 def knot_breaks(basis: BSplineBasis) -> Any:
     """The knots inside the domain and its ends."""
-    start, end = basis.domain
+    first, last = (0, basis.size) if basis.periodic else (basis.degree, basis.size)
     if not is_concrete(basis.knots):
-        first, last = (0, basis.size) if basis.periodic else (basis.degree, basis.size)
         return basis.knots[first : last + 1]
-    knots = np.unique(concrete(basis.knots))
-    return knots[(knots >= concrete(start)) & (knots <= concrete(end))]
+    # known knots stay known while other data are traced: no jax operation on them
+    return np.unique(concrete(basis.knots)[first : last + 1])
 
 
 @breaks.register(AbstractCurve)
