@@ -53,7 +53,7 @@ def test_closed_curves_close(name, degree):
 
 
 REFUSED = {
-    "a row": (([1.0, 2.0], [0.0, 0.0, 1.0, 1.0], 1), r"`control_points` must have shape \(n, d\)"),
+    "a row": (([1.0, 2.0], [0.0, 0.0, 1.0, 1.0], 1), r"`control_points` must have shape \(n, 3\)"),
     "knots": ((np.zeros((4, 3)), [0.0, 0.0, 1.0, 1.0], 3), r"`knots` must have 8 knots \(n \+ degree \+ 1\)"),
     "falling": ((np.zeros((2, 3)), [0.0, 1.0, 0.5, 1.0], 1), "`knots` must ascend, but knot 2 .0.5. is below knot 1 .1."),
     "few": ((np.zeros((2, 3)), [0.0, 0.0, 0.5, 1.0, 1.0], 2), "needs at least 3 control points, got 2"),

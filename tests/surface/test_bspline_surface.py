@@ -27,6 +27,8 @@ def test_points_grids_and_partials_are_those_of_scipy(name, other):
     for i, j in ((0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (0, 3)):
         wanted = np.einsum("an,bm,nmx->abx", in_u[:, i], in_v[:, j], net)
         terms = np.max(np.einsum("an,bm,nmx->abx", np.abs(in_u[:, i]), np.abs(in_v[:, j]), np.abs(net)))
+        if "one control point" in name:  # its functions cancel each other before they meet the net
+            terms = max(terms, (2 * 3 / (B - A)) ** i * np.max(np.sum(np.abs(in_v[:, j]), axis=1)) * np.max(np.abs(net)))
         found = surface(u[:, None], v) if (i, j) == (0, 0) else surface.derivative(u[:, None], v, (i, j))
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12 * max(1, terms))
         if (i, j) == (0, 0):
