@@ -64,7 +64,8 @@ def _with_normals(net: np.ndarray, knots: np.ndarray, places: np.ndarray) -> Row
 
     @eqx.filter_jit
     def all_at_once(surface: Any, u: Any, v: Any) -> Any:
-        return js.partials(surface, u, v), js.normal(surface, u, v)
+        found = js.partials(surface, u, v)
+        return found, found.normal
 
     def three_calls(s: Any) -> None:
         s.evaluate(places, nthreads=cores())

@@ -1,4 +1,8 @@
-from ._bspline import BSplineBasis as BSplineBasis, local_values as local_values
+from ._bspline import (
+    BSplineBasis as BSplineBasis,
+    local_values as local_values,
+    span_polynomials as span_polynomials,
+)
 from ._collocate import (
     averaged_knots as averaged_knots,
     collocation_matrix as collocation_matrix,

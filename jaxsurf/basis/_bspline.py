@@ -48,18 +48,25 @@ class BSplineBasis(eqx.Module):
 
         The index is unrolled; `control_index` maps it to a control point.
         """
-        if self.periodic:
-            u = _wrap(u, self.knots)
-        knots = self.unrolled_knots
-        first = _first_function(knots, self.degree, u)
-        middle, scale, coefficients = span_polynomials(knots, self.degree)
-        t = (u - take(middle, first)) * take(scale, first)
+        middle, scale, coefficients = span_polynomials(self.unrolled_knots, self.degree)
+        first, t, _ = self.place(u, middle, scale)
         # Horner on rows of degree + 1 numbers: one loop that the compiler keeps whole. De Boor's triangle
         # point by point has 12 divisions for a cubic and twice the time.
         values = take(coefficients[self.degree], first)
         for power in range(self.degree - 1, -1, -1):
             values = values * t + take(coefficients[power], first)
         return first, [values[i] for i in range(self.degree + 1)]
+
+    def place(
+        self, u: Float[Array, ""], middle: Float[Array, "spans"], scale: Float[Array, "spans"]
+    ) -> tuple[Int[Array, ""], Float[Array, ""], Float[Array, ""]]:
+        """Index of the first function that does not vanish around `u`, the place t in its span, and dt/du; `middle` and
+        `scale` are those of `span_polynomials`."""
+        if self.periodic:
+            u = _wrap(u, self.knots)
+        first = _first_function(self.unrolled_knots, self.degree, u)
+        slope = take(scale, first)
+        return first, (u - take(middle, first)) * slope, slope
 
     def near(self, u: Float[Array, ""]) -> tuple[Int[Array, ""], Float[Array, "w"], Float[Array, ""]]:
         """Index of the first function that does not vanish around `u`, the knots that those functions need,

@@ -5,12 +5,15 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._array import Numbers, as_float, map_points
 from .._errors import InputError
+from .._safe import unit
 from ..curve import AbstractCurve
-from ..surface import AbstractSurface
+from ..surface import AbstractSurface, BSplineSurface
+from ._cell_polynomials import cell_count, cell_polynomials
 
 PARTIALS_CHUNK = 1_000
 """Points differentiated together: three to six results per point fill the caches with fewer points."""
@@ -22,6 +25,11 @@ class Partials(eqx.Module):
     point: Float[Array, "*batch 3"]
     u: Float[Array, "*batch 3"]
     v: Float[Array, "*batch 3"]
+
+    @property
+    def normal(self) -> Float[Array, "*batch 3"]:
+        """Unit normals along S_u × S_v; 0 where that vanishes (`js.normal` gives the limit there)."""
+        return unit(jnp.cross(self.u, self.v))
 
 
 class Partials2(eqx.Module):
@@ -63,7 +71,16 @@ def partials(surface: AbstractSurface, u: Numbers, v: Numbers) -> Partials:
     from the right.
     """
     u, v = as_float(u, surface.dtype), as_float(v, surface.dtype)
+    if isinstance(surface, BSplineSurface) and np.prod(np.broadcast_shapes(u.shape, v.shape)) >= cell_count(surface):
+        return _many_partials(surface, u, v)
     return map_points(partials_at, surface, u, v, chunk=PARTIALS_CHUNK)
+
+
+@eqx.filter_jit
+def _many_partials(surface: BSplineSurface, u: Float[Array, "*#batch"], v: Float[Array, "*#batch"]) -> Partials:
+    """From the polynomials of the knot cells: for more points than cells it is twice as fast to have them."""
+    at = lambda cells, s, t: Partials(*cells.partials(s, t))
+    return map_points(at, cell_polynomials(surface), u, v, chunk=PARTIALS_CHUNK)
 
 
 def second_partials(surface: AbstractSurface, u: Numbers, v: Numbers) -> Partials2:

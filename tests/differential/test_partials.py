@@ -3,10 +3,12 @@
 import jax
 import numpy as np
 import pytest
+from cases import make
 from differential_cases import assert_close, bicubic, cubic, difference
 
 from jaxsurf._errors import InputError
 from jaxsurf.differential import derivative, first_form, partials, second_form, second_partials
+from jaxsurf.differential._cell_polynomials import cell_count
 from jaxsurf.surface import Cylinder
 
 U, V = np.linspace(2, 5, 5)[:, None], np.array([2.3, 4.1, 5])[None]
@@ -29,6 +31,23 @@ def test_partials_are_the_separate_derivatives():
 def test_many_points_are_worked_on_in_chunks():
     surface, u = bicubic(), np.linspace(2, 5, 6001)
     assert_close(partials(surface, u, 3.0).v[::1000], partials(surface, u[::1000], 3.0).v)
+
+
+@pytest.mark.parametrize("name", ["BSplineSurface", "BSplineSurface, periodic in v", "BSplineSurface, periodic in both"])
+def test_partials_of_many_points_are_those_of_few(name):
+    """With more points than knot cells the polynomials of the cells are used: breaks, ends and beyond them included."""
+    surface = make(name).shape
+    (a, b), (c, d) = ((float(start), float(end)) for start, end in surface.domain)
+    u = np.concatenate([np.linspace(a, b, 31), [a - 0.1, b + 0.1, 3.1]])
+    v = np.concatenate([np.linspace(c, d, 29), [c - 0.1, d + 0.1, 3.0]])
+    assert u.size * v.size > cell_count(surface) > 1
+    many, gradient = partials(surface, u[:, None], v[None]), jax.grad(lambda s: partials(s, u[:, None], v[None]).u.sum())
+    for order, found in (((0, 0), many.point), ((1, 0), many.u), ((0, 1), many.v)):
+        assert_close(found, surface.derivative(u[:, None], v[None], order), 1e-11)
+    assert_close(many.normal, np.cross(many.u, many.v) / np.linalg.norm(np.cross(many.u, many.v), axis=-1)[..., None])
+    slope = jax.grad(lambda s: s.derivative(u[:, None], v[None], (1, 0)).sum())(surface)
+    for one, other in zip(jax.tree.leaves(gradient(surface)), jax.tree.leaves(slope), strict=True):
+        assert_close(one, other, 1e-8 * (1 + np.max(np.abs(other))))
 
 
 def test_derivative_of_curves_and_surfaces():
