@@ -60,7 +60,7 @@ def cell_polynomials(surface: BSplineSurface) -> CellPolynomials:
     at_u, at_v = (np.arange(t.shape[0])[:, None] + np.arange(t.shape[2]) for t in tables)
     blocks = net[at_u[:, None, :, None], at_v[None, :, None, :]]
     rows = jnp.einsum("api,bqj,abijx->abpqx", *tables, blocks, precision="highest")
-    return CellPolynomials(*bases, *places, rows.reshape(-1, 3))
+    return CellPolynomials(bases[0], bases[1], places[0], places[1], rows.reshape(-1, 3))
 
 
 def _horner(coefficients: list[Array], t: Float[Array, ""]) -> tuple[Array, Array]:
