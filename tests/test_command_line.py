@@ -248,6 +248,7 @@ ARGUMENTS = {
     "tolerance": (("-o", "{}/s.step", "--tolerance", "-1"), "`tolerance` must be a length > 0"),
     "quantile": (("-o", "{}/s.step", "--quantile", "2"), "`quantile` must be in"),
     "degree": (("-o", "{}/s.step", "--degree", "9"), "`degree` must be from 1 to 7"),
+    "more spans than points": (("-o", "{}/s.step", "--spans", "80x60"), "the 5229 control points of 80 × 60 spans"),
     "no number": (("-o", "{}/s.step", "--degree", "three"), "--degree: invalid int value: 'three'"),
     "holdout": (("-o", "{}/s.step", "--holdout", "1"), r"`holdout` must be in \[0, 1\)"),
     "most spans": (("-o", "{}/s.step", "--max-spans", "0"), "`max_spans` must be at least 1"),

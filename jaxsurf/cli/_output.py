@@ -140,7 +140,7 @@ def notes(options: argparse.Namespace, found: Any) -> list[str]:
             f"{options.quantile:.1%} were asked for. More spans would need more points or a larger --max-spans."
         )
     extent = np.linalg.norm(np.ptp(np.asarray(found.foot.points), axis=0))
-    if float(found.deviation.rms) > 0.02 * extent:
+    if float(found.deviation.rms) > 0.01 * extent:
         said.append("The points lie far from the surface: the cloud may not be one sheet; split it into patches.")
     if found.coverage.uncovered and not options.trim:
         said.append(

@@ -86,8 +86,8 @@ def fit_cloud(
     find_loss(loss)
     check_weights(fairness, None)
     _check_options(len(host), spans, tolerance, quantile, degree, holdout, max_spans)
-    first = spans if spans is not None else ((8, 8) if tolerance is None else (_COARSE, _COARSE))
-    first = (min(first[0], max_spans), min(first[1], max_spans))
+    most = min(8 if tolerance is None else _COARSE, max_spans)
+    first = (most, most) if spans is None else spans
     _check_enough(len(host), first, degree)
 
     watched = _Watched(progress)
