@@ -1,3 +1,4 @@
+from . import quaternion as quaternion
 from ._errors import InputError as InputError, MissingPackageError as MissingPackageError
 from ._lazy import __dir__ as __dir__, __getattr__ as __getattr__
 from ._progress import Event as Event, silent as silent
