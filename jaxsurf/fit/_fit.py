@@ -19,7 +19,7 @@ from ..surface import AbstractSurface, BSplineSurface
 from ._bending import bending_of
 from ._deviation import Deviation
 from ._losses import find_loss, noise_scale
-from ._problem import Problem, free_leaves
+from ._problem import Problem, free_leaves, unknowns_of
 from ._solve import Solved, solve
 
 
@@ -133,9 +133,7 @@ def _rest(shape: Any, rest: Any, free: tuple[bool, ...]) -> Float[Array, "P"]:
     """Unknowns of the shape at rest."""
     if rest is not None and jax.tree.map(jnp.shape, rest) != jax.tree.map(jnp.shape, shape):
         raise InputError("`rest` must be a shape of the same class and sizes as `shape`; insert the knots that it lacks.")
-    moving = [leaf for leaf, moves in zip(jax.tree.leaves(shape if rest is None else rest), free, strict=True) if moves]
-    flat = jnp.concatenate([leaf.reshape(-1) for leaf in moving])
-    return jnp.zeros_like(flat) if rest is None else flat
+    return jnp.zeros_like(unknowns_of(shape, free)) if rest is None else unknowns_of(rest, free)
 
 
 @eqx.filter_jit

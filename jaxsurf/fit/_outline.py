@@ -112,11 +112,11 @@ def _smooth_loop(
     parameters = jnp.asarray(np.concatenate([[0], np.cumsum(steps)[:-1]]) / steps.sum())
     knots = periodic_knots(count, 3)
     matrix = np.asarray(collocation_matrix(knots.astype(parameters.dtype), 3, parameters, periodic=True))
-    weights = np.ones(len(corners))
+    weights, turn = np.ones(len(corners)), _signed_area(corners)
     for _ in range(_ROUNDS):
         control = np.linalg.lstsq(weights[:, None] * matrix, weights[:, None] * corners, rcond=None)[0]
         loop = matrix @ control
         ahead = np.roll(loop, -1, axis=0) - np.roll(loop, 1, axis=0)
         left = ahead[:, 0] * (corners - loop)[:, 1] - ahead[:, 1] * (corners - loop)[:, 0]
-        weights = np.where(left * _signed_area(corners) < 0, np.sqrt(_KEEPING), 1.0)
+        weights = np.where(left * turn < 0, np.sqrt(_KEEPING), 1.0)
     return BSplineCurve(np.clip(control, box[:, 0], box[:, 1]), knots, 3, periodic=True)

@@ -39,8 +39,7 @@ class Problem(eqx.Module):
 
     def unknowns(self, shape: Any = None) -> Float[Array, "P"]:
         """θ of `shape`, by default of the start."""
-        leaves = jax.tree.leaves(self.shape if shape is None else shape)
-        return jnp.concatenate([x.reshape(-1) for x, free in zip(leaves, self.free, strict=True) if free])
+        return unknowns_of(self.shape if shape is None else shape, self.free)
 
     def member(self, theta: Float[Array, "P"]) -> Any:
         """The shape with unknowns θ."""
@@ -60,6 +59,12 @@ class Problem(eqx.Module):
         z = (distance / self.scale) ** 2
         value = 0.5 * jnp.sum(self.weights * self.scale**2 * loss.value(z)) / unit
         return self.weights * loss.weight(z) / unit, value
+
+
+def unknowns_of(shape: Any, free: tuple[bool, ...]) -> Float[Array, "P"]:
+    """The free leaves of a shape, flattened in order."""
+    leaves = zip(jax.tree.leaves(shape), free, strict=True)
+    return jnp.concatenate([leaf.reshape(-1) for leaf, moves in leaves if moves])
 
 
 def free_leaves(shape: Any, where: Callable[[Any], Any] | None) -> tuple[bool, ...]:

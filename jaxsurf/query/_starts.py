@@ -37,6 +37,7 @@ def choose_starts(
     its neighbours, which see minima between samples; where these lead out of the cell the minimum is the neighbour's.
     The `candidates` best are kept, and wanted if three times the fall would bring them below the least distance.
     """
+    points = jax.lax.stop_gradient(points)
     axes, samples = sample_points(shape)
     closed = (False,) * (2 - len(axes)) + periodic_directions(shape)
     low, high = jnp.min(samples, axis=(0, 1)), jnp.max(samples, axis=(0, 1))
@@ -67,16 +68,16 @@ def choose_starts(
                 nearest = jnp.min(jnp.where(left <= low[None], number, cells.count - 1), axis=0)
                 left = jnp.where(number == nearest[None], jnp.inf, left)
                 found = _look(cells, nearest, near)
-                found = found._replace(hope=jnp.where(low <= lowest, found.hope, _NONE))
+                found = found._replace(fall=jnp.where(low <= lowest, found.fall, -_NONE))
                 lowest = jnp.minimum(lowest, 2 * found.value + squared + slack)
                 best = _insert(best, found)
             return left, lowest, best
 
         none = jnp.full_like(squared, _NONE)
-        best = [_Best(none, none, jnp.zeros(none.shape, jnp.int32))] * candidates
+        best = [_Best(none, jnp.zeros_like(none), jnp.zeros(none.shape, jnp.int32))] * candidates
         _, lowest, best = jax.lax.while_loop(going, look, (least, jnp.min(most, axis=0) + slack, best))
-        hopes = jnp.stack([found.hope - 0.5 * (found.value - found.hope) for found in best], axis=1)
-        wanted = 2 * hopes <= (lowest - squared)[:, None]
+        deepest = jnp.stack([found.value - 3 * found.fall for found in best], axis=1)
+        wanted = 2 * deepest <= (lowest - squared)[:, None]
         return jnp.stack([found.sample for found in best], axis=1), wanted.at[:, 0].set(True)
 
     parameters = jnp.stack(jnp.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
@@ -85,11 +86,11 @@ def choose_starts(
 
 
 class _Best(NamedTuple):
-    """Of one cell: ½ d² − ½ p² at its best sample, the same after twice the fall of the parabolas there, and the sample's
-    number."""
+    """Of one cell: ½ d² − ½ p² at its best sample, how far it falls on the parabolas there (-1e30 in a cell that does not
+    count), and the sample's number."""
 
     value: Float[Array, "b"]
-    hope: Float[Array, "b"]
+    fall: Float[Array, "b"]
     sample: Int[Array, "b"]
 
 
@@ -107,16 +108,14 @@ def _look(cells: Cells, number: Int[Array, "b"], p: Float[Array, "b d"]) -> _Bes
     value = jnp.where(inside, here - fall, _NONE).reshape(p.shape[0], -1)
     index = jnp.argmin(value, axis=1).astype(jnp.int32)
     pick = lambda x: jnp.take_along_axis(x.reshape(p.shape[0], -1), index[:, None], axis=1)[:, 0]
-    at, fall = pick(here), pick(fall)
-    hope = jnp.where(pick(value) < _NONE, at - 2 * fall, _NONE)
-    return _Best(at, hope, pick(cells.numbers[number]))
+    return _Best(pick(here), jnp.where(pick(value) < _NONE, pick(fall), -_NONE), pick(cells.numbers[number]))
 
 
 def _insert(best: list[_Best], found: _Best) -> list[_Best]:
-    """The list in ascending order of hope, with `found` in its place and without the last."""
+    """The list in ascending order of the value after twice the fall, with `found` in its place and without the last."""
     sorted_in = []
     for kept in best:
-        better = found.hope < kept.hope
+        better = found.value - 2 * found.fall < kept.value - 2 * kept.fall
         pick = lambda a, b, better=better: jax.tree.map(lambda x, y: jnp.where(better, x, y), a, b)
         sorted_in.append(pick(found, kept))
         found = pick(kept, found)

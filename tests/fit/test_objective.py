@@ -14,7 +14,7 @@ from jaxsurf.fit._bending import bending_of
 from jaxsurf.fit._fairness import _variation, fairness_terms
 from jaxsurf.fit._normal_equations import accumulate
 from jaxsurf.fit._objective import evaluate
-from jaxsurf.fit._problem import Linearised, Problem, free_leaves, linearise
+from jaxsurf.fit._problem import Linearised, Problem, free_leaves, linearise, unknowns_of
 from jaxsurf.surface import AbstractSurface
 
 SIDES = (10.0, 6.0)
@@ -22,8 +22,7 @@ SIDES = (10.0, 6.0)
 
 def problem_of(shape, points, *, free=None, loss="squared", fair=False, sliding=0.0):
     number = jnp.asarray
-    leaves = zip(jax.tree.leaves(shape), free_leaves(shape, free), strict=True)
-    unknowns = sum(leaf.size for leaf, moves in leaves if moves)
+    unknowns = unknowns_of(shape, free_leaves(shape, free)).size
     return Problem(
         shape,
         number(points),
