@@ -19,6 +19,7 @@ from .curve import (
     Helix as Helix,
     Line as Line,
     NURBSCurve as NURBSCurve,
+    QICurve as QICurve,
 )
 from .differential import (
     Curvature as Curvature,
@@ -71,6 +72,7 @@ from .surface import (
     Cylinder as Cylinder,
     NURBSSurface as NURBSSurface,
     Plane as Plane,
+    QISurface as QISurface,
     Sphere as Sphere,
     Torus as Torus,
     TrimmedSurface as TrimmedSurface,

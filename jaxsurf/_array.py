@@ -12,6 +12,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array
 
 from ._errors import InputError
+from ._prepared import prepare
 
 Numbers = ArrayLike | Sequence[Any]
 """What a user may give for an array: a number, nested sequences, a numpy or a jax array."""
@@ -66,8 +67,9 @@ def map_points(function: Callable[..., Result], shape: Any, *parameters: Array, 
 
     More than `chunk` points are worked on in chunks of at most that size, so that temporaries stay in the
     caches and reverse mode keeps one chunk of them at a time; by default as many points as make `CHUNK`
-    numbers. Leaves of the result get the broadcast shape in front.
+    numbers. Shapes inside `shape` are prepared first. Leaves of the result get the broadcast shape in front.
     """
+    shape = prepare(shape)
     arrays = jnp.broadcast_arrays(*parameters)
     batch = arrays[0].shape
     flat = [array.reshape(-1) for array in arrays]

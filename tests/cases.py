@@ -147,6 +147,32 @@ def _(rng: np.random.Generator) -> Case:
     return Case(js.Helix(center, axis, 1.7, -0.6, 2.3, start), {"no pitch": flat})
 
 
+def _directions(rng: np.random.Generator, *shape: int) -> np.ndarray:
+    """Directions of various lengths that wander on the sphere."""
+    return rng.uniform(0.5, 2, (*shape, 1)) * (np.array([1.0, 0.5, -0.7]) + rng.normal(size=(*shape, 3)))
+
+
+@case(CURVES, "QICurve")
+def _(rng: np.random.Generator) -> Case:
+    tangents = _directions(rng, 8)
+    parallel = tangents.copy()
+    parallel[2:6] = tangents[2] * np.array([[1.0], [2.0], [0.3], [1.0]])
+    start = np.array([7.0, -3.0, 4.0])
+    return Case(
+        js.QICurve(start, 3.3, tangents, 3, UNEVEN),
+        {
+            "straight": js.QICurve(start, 3.3, np.ones((8, 3)), 3, UNEVEN),
+            "parallel neighbours": js.QICurve(start, 3.3, parallel, 3, UNEVEN),
+            "full inner knot": js.QICurve(start, 3.3, tangents, 3, clamped(3, 3.1, 3.1, 3.1, 4.0)),
+        },
+    )
+
+
+@case(CURVES, "QICurve, not clamped")
+def _(rng: np.random.Generator) -> Case:
+    return Case(js.QICurve(rng.normal(size=3), 1e-3, _directions(rng, 8), 3, UNCLAMPED))
+
+
 @case(CURVES, "CompositeCurve")
 def _(rng: np.random.Generator) -> Case:
     points = _points(rng, 8, 3)
@@ -242,6 +268,28 @@ def _(rng: np.random.Generator) -> Case:
     square = np.array([[2.5, 2.5], [4.5, 2.6], [4.4, 4.5], [2.6, 4.4], [2.5, 2.5]])
     loop = js.BSplineCurve(square, clamped(1, 2.5, 3.1, 4.2), 1)
     return Case(js.TrimmedSurface(make("BSplineSurface").shape, [loop]))
+
+
+def _qi_surface(rng: np.random.Generator, tangents: np.ndarray, **options: Any) -> js.QISurface:
+    n, m = tangents.shape[:2]
+    spine = js.QICurve([7.0, -3.0, 4.0], 3.3, _directions(rng, 5), 2, clamped(2, 2.9, 4.1))
+    return js.QISurface(spine, tangents, rng.uniform(1, 2, m), 3, 2, UNEVEN, clamped(2, 2.9, 4.0), **options)
+
+
+@case(SURFACES, "QISurface")
+def _(rng: np.random.Generator) -> Case:
+    tangents = _directions(rng, 8, 5)
+    parallel = tangents.copy()
+    parallel[2:6, 1:4] = tangents[2, 1]
+    return Case(
+        _qi_surface(rng, tangents),
+        {"flat": _qi_surface(rng, np.ones((8, 5, 3))), "parallel neighbours": _qi_surface(rng, parallel)},
+    )
+
+
+@case(SURFACES, "QISurface, u first")
+def _(rng: np.random.Generator) -> Case:
+    return Case(_qi_surface(rng, _directions(rng, 8, 5), path="u first"))
 
 
 @case(SURFACES, "MappedSurface")

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from .._array import map_points
 from .._derivative import PartialDerivative
+from .._prepared import point_of
 from ..curve import AbstractCurve
 from ..surface import AbstractSurface, BSplineSurface
 
@@ -68,7 +69,7 @@ def spline_values(
 def curve_jets(curve: AbstractCurve, u: Float[np.ndarray, "m"], order: int) -> list[np.ndarray]:
     """Points and derivatives of a curve up to `order`, each (m, d)."""
     padded, count = _padded(u)
-    jet = _Jet(type(curve).point, 0, 1, order)
+    jet = _Jet(point_of, 0, 1, order)
     with jax.ensure_compile_time_eval():
         values = map_points(jet, curve, jnp.asarray(padded, curve.dtype))
     return [np.asarray(value, np.float64)[:count] for value in values]
@@ -83,7 +84,7 @@ def surface_jets(
 ) -> list[np.ndarray]:
     """Points and derivatives by parameter `axis` up to `order` at (along, across), each (m, k, 3)."""
     (rows, count), (columns, width) = _padded(along), _padded(across)
-    jet = _Jet(type(surface).point, axis, 2, order)
+    jet = _Jet(point_of, axis, 2, order)
     grid = (jnp.asarray(rows, surface.dtype)[:, None], jnp.asarray(columns, surface.dtype)[None, :])
     with jax.ensure_compile_time_eval():
         values = map_points(jet, surface, *(grid if axis == 0 else grid[::-1]))

@@ -3,14 +3,14 @@
 import abc
 from typing import Any
 
-import equinox as eqx
 from jaxtyping import Array, Float
 
 from .._array import Numbers, as_float, float_type, map_points
 from .._derivative import PartialDerivative, check_orders
+from .._prepared import Preparable, point_of
 
 
-class AbstractCurve(eqx.Module):
+class AbstractCurve(Preparable):
     """A curve as a pure function of its control data.
 
     A construction gives `domain` and `point`; batches, derivatives, `jit`, `vmap` and `grad` follow from them.
@@ -32,9 +32,9 @@ class AbstractCurve(eqx.Module):
 
     def __call__(self, u: Numbers) -> Float[Array, "*batch d"]:
         """Points at parameters `u` of any shape; they are converted to the type of the control data."""
-        return map_points(type(self).point, self, as_float(u, self.dtype))
+        return map_points(point_of, self, as_float(u, self.dtype))
 
     def derivative(self, u: Numbers, order: int = 1) -> Float[Array, "*batch d"]:
         """Derivatives of order ≥ 0 with respect to the parameter; at breaks, from the right."""
-        derived = PartialDerivative(type(self).point, check_orders(order, 1))
+        derived = PartialDerivative(point_of, check_orders(order, 1))
         return map_points(derived, self, as_float(u, self.dtype))

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from .._derivative import PartialDerivative
+from .._prepared import point_of
 from ..basis import BSplineBasis
 from ..curve import AbstractCurve, BSplineCurve
 from ..surface import AbstractSurface, BSplineSurface
@@ -53,7 +54,7 @@ def _(shape: BSplineSurface, parameters: tuple[Float[Array, ""], ...], order: in
 
 
 def _by_forward_mode(shape: Any, parameters: tuple[Float[Array, ""], ...], indices: list[tuple[int, ...]]) -> dict:
-    return {index: PartialDerivative(type(shape).point, index)(shape, *parameters) for index in indices}
+    return {index: PartialDerivative(point_of, index)(shape, *parameters) for index in indices}
 
 
 def basis_derivatives(basis: BSplineBasis, u: Float[Array, ""], order: int) -> tuple[Int[Array, "q"], Float[Array, "l q"]]:

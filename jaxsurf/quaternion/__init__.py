@@ -6,6 +6,11 @@ from ._algebra import (
     normalize as normalize,
     rotate as rotate,
 )
+from ._directions import (
+    blended_direction as blended_direction,
+    blended_on_spans as blended_on_spans,
+    turned as turned,
+)
 from ._exponential import exp as exp, log as log
 from ._rotation import (
     from_matrix as from_matrix,

@@ -3,4 +3,5 @@ from ._breaks import breaks as breaks
 from ._bspline import BSplineSurface as BSplineSurface
 from ._elementary import Cone as Cone, Cylinder as Cylinder, Plane as Plane, Sphere as Sphere, Torus as Torus
 from ._nurbs import NURBSSurface as NURBSSurface
+from ._quaternion_integral import QISurface as QISurface
 from ._trimmed import TrimmedSurface as TrimmedSurface

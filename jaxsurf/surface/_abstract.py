@@ -10,9 +10,10 @@ from jaxtyping import Array, Float
 from .._array import Numbers, as_float, float_type, map_points
 from .._derivative import PartialDerivative, check_orders
 from .._errors import InputError
+from .._prepared import Preparable, point_of, prepare
 
 
-class AbstractSurface(eqx.Module):
+class AbstractSurface(Preparable):
     """A surface as a pure function of its control data.
 
     A construction gives `domain`, `point` and `grid_points`; batches, derivatives, `jit`, `vmap` and `grad` follow.
@@ -38,7 +39,7 @@ class AbstractSurface(eqx.Module):
 
     def __call__(self, u: Numbers, v: Numbers) -> Float[Array, "*batch 3"]:
         """Points at parameters `u`, `v`, broadcast against each other; converted to the type of the control data."""
-        return map_points(type(self).point, self, as_float(u, self.dtype), as_float(v, self.dtype))
+        return map_points(point_of, self, as_float(u, self.dtype), as_float(v, self.dtype))
 
     def grid(self, u: Numbers, v: Numbers) -> Float[Array, "m k 3"]:
         """Points S(u_i, v_j) for u (m,) and v (k,)."""
@@ -49,18 +50,18 @@ class AbstractSurface(eqx.Module):
 
     def derivative(self, u: Numbers, v: Numbers, order: tuple[int, int] = (1, 0)) -> Float[Array, "*batch 3"]:
         """Partial derivatives, `order` = (times by u, times by v); at breaks, from the right."""
-        derived = PartialDerivative(type(self).point, check_orders(order, 2))
+        derived = PartialDerivative(point_of, check_orders(order, 2))
         return map_points(derived, self, as_float(u, self.dtype), as_float(v, self.dtype))
 
 
 def point_by_point(surface: AbstractSurface, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
     """`grid_points` for surfaces without tensor structure."""
-    return map_points(type(surface).point, surface, u[:, None], v[None, :])
+    return map_points(point_of, surface, u[:, None], v[None, :])
 
 
 @eqx.filter_jit
 def _grid(surface: AbstractSurface, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
-    return surface.grid_points(u, v)
+    return prepare(surface).grid_points(u, v)
 
 
 def row_by_row(surface: AbstractSurface, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:

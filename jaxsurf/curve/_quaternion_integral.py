@@ -1,0 +1,189 @@
+"""Quaternion integral curves: shaped by the directions of their tangents."""
+
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
+from jaxtyping import Array, Float
+
+from .._arguments import as_number, as_vector
+from .._array import Numbers, as_float, take
+from .._registry import register
+from .._safe import unit
+from ..basis import BSplineBasis, check_knots, clamped_knots
+from ..quaternion import blended_direction, blended_on_spans
+from ..quaternion._control import as_tolerance, check_directions, largest_angle, ready_angle
+from ..quaternion._pieces import CURVE_NODES as NODES, gauss_places, integral_matrix, pieces_per_span
+from ._abstract import AbstractCurve
+from ._breaks import breaks, knot_breaks
+
+
+@register
+class QICurve(AbstractCurve):
+    """C(u) = start + length / (b − a) ∫ₐᵘ q v₀ q⁻¹, the unit quaternion integral curve: the tangent is a spline on the sphere.
+
+    q(u) = exp(ω_n B̃_n(u)) … exp(ω_1 B̃_1(u)) q_0 turns the fixed direction v₀ through the control tangents, ω_i from number
+    i − 1 to number i. The speed is constant: `length` is the length of the whole curve, length (u − a) / (b − a) that of a part.
+    With clamped knots the curve begins along the first control tangent and ends along the last; of degree 1 it consists
+    of circular arcs, in a plane of degree 2 of clothoids; it is C^degree.
+
+    start: (3,); length: positive; tangents: (n, 3), control tangents of any length > 0, kept as unit vectors; degree ≥ 1;
+    knots: (n + degree + 1,), by default clamped and even on [0, 1]. Points come from `pieces` polynomials for each span, as
+    many as keep directions within `tolerance` (default 10⁻¹², 10⁻⁶ in single precision; positions, in units of the length,
+    are closer) for neighbouring tangents up to `angle` radians apart (default: a little more than they are; 90° if they are
+    traced); derivatives by u are those of the blended tangent itself. Raises `InputError` where shapes do not fit and, on
+    concrete data, for a zero tangent and neighbours that are opposite. Source: Sakiyama, Miura, Kaneko (paper 004), (2)-(5).
+    """
+
+    start: Float[Array, "3"]
+    length: Float[Array, ""]
+    tangents: Float[Array, "n 3"]
+    knots: Float[Array, "k"]
+    degree: int = eqx.field(static=True)
+    angle: float = eqx.field(static=True)
+    tolerance: float = eqx.field(static=True)
+
+    def __init__(
+        self,
+        start: Numbers,
+        length: Numbers,
+        tangents: Numbers,
+        degree: int = 3,
+        knots: Numbers | None = None,
+        *,
+        tolerance: float | None = None,
+        angle: float | None = None,
+    ):
+        self.start = as_vector(start, "start")
+        dtype = self.start.dtype
+        self.length = as_number(length, "length", dtype, positive=True)
+        self.degree = int(degree)
+        directions = as_float(tangents, dtype)
+        check_directions(directions, "tangents", ("n", "3"))
+        self.tangents = unit(directions)
+        self.knots = as_float(clamped_knots(directions.shape[0], self.degree) if knots is None else knots, dtype)
+        check_knots(self.knots, self.degree, directions.shape[0])
+        self.angle = ready_angle(largest_angle(directions)) if angle is None else float(angle)
+        self.tolerance = as_tolerance(tolerance, dtype)
+
+    @property
+    def basis(self) -> BSplineBasis:
+        """The basis functions that blend the control tangents."""
+        return BSplineBasis(self.knots, self.degree)
+
+    @property
+    def domain(self) -> tuple[Any, Any]:
+        return self.basis.domain
+
+    @property
+    def pieces(self) -> int:
+        """How many polynomials stand for a span."""
+        return pieces_per_span(self.degree, self.angle, self.tolerance, NODES)
+
+    @property
+    def speed(self) -> Float[Array, ""]:
+        """|dC/du| = length / (b − a), the same everywhere."""
+        first, last = self.domain
+        return self.length / (last - first)
+
+    def direction(self, u: Float[Array, ""]) -> Float[Array, "3"]:
+        """The unit tangent at one parameter, inside traced code."""
+        return blended_direction(self.basis, self.tangents, u)
+
+    def prepared(self) -> "_PreparedQICurve":
+        """The curve with the polynomials of its pieces."""
+        knots, degree, count = self.knots, self.degree, self.tangents.shape[0]
+        directions = blended_on_spans(self.basis, self.tangents, gauss_places(self.pieces, NODES))
+        directions = directions.reshape(-1, NODES, 3)
+        # differences from an amid direction first: they are small, and lose no digits to large powers
+        middle = directions[:, NODES // 2]
+        around = jnp.einsum(
+            "kq,pqx->pkx", jnp.asarray(integral_matrix(NODES), self.dtype), directions - middle[:, None], precision="highest"
+        )
+        halves = jnp.repeat(jnp.diff(knots[degree : count + 1]), self.pieces)[:, None] * (self.speed / (2 * self.pieces))
+        powers = [around[:, 0] + middle, around[:, 1] + middle, *(around[:, k] for k in range(2, NODES + 1))]
+        powers = [halves * power for power in powers]
+        whole = sum(powers)  # at +1
+        powers[0] = powers[0] + (jnp.cumsum(whole, axis=0) - whole)
+        # the numbers of a piece side by side: they are fetched together
+        return _PreparedQICurve(self, jnp.stack(powers, axis=1).reshape(-1, 3))
+
+    def point(self, u: Float[Array, ""]) -> Float[Array, "3"]:
+        return self.prepared().point(u)
+
+
+class _PreparedQICurve(AbstractCurve):
+    """A `QICurve` with the coefficients of its points from the start, by piece and power of the place in it."""
+
+    curve: QICurve
+    rows: Float[Array, "r 3"]
+
+    @property
+    def domain(self) -> tuple[Any, Any]:
+        return self.curve.domain
+
+    def prepared(self) -> "_PreparedQICurve":
+        return self
+
+    def point(self, u: Float[Array, ""]) -> Float[Array, "3"]:
+        return _position(self, u)
+
+
+@partial(jax.custom_jvp)
+def _position(prepared: _PreparedQICurve, u: Float[Array, ""]) -> Float[Array, "3"]:
+    """The point, from the polynomial of the piece around `u`; the slope by `u` is the blended tangent itself."""
+    return _by_polynomials(prepared, u)
+
+
+@partial(_position.defjvp, symbolic_zeros=True)
+def _(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Array]:
+    prepared, u = primals
+    by_data, by_u = tangents
+    point = _by_polynomials(prepared, u)
+    slope = jnp.zeros_like(point)
+    if not isinstance(by_u, SymbolicZero):
+        curve = prepared.curve
+        slope = slope + by_u * curve.speed * curve.direction(u)
+    if not all(isinstance(leaf, SymbolicZero) for leaf in jax.tree.leaves(by_data, is_leaf=_is_symbolic)):
+        moving = jax.tree.map(_instantiate, by_data, is_leaf=_is_symbolic)
+        slope = slope + jax.jvp(lambda data: _by_polynomials(data, u), (prepared,), (moving,))[1]
+    return point, slope
+
+
+def _by_polynomials(prepared: _PreparedQICurve, u: Float[Array, ""]) -> Float[Array, "3"]:
+    piece, place = place_in_piece(prepared.curve.basis, prepared.curve.pieces, u)
+    row = piece * (NODES + 1)
+    total = take(prepared.rows, row + NODES)
+    for power in range(NODES - 1, -1, -1):
+        total = total * place + take(prepared.rows, row + power)
+    return prepared.curve.start + total
+
+
+def place_in_piece(basis: BSplineBasis, pieces: int, u: Float[Array, ""]) -> tuple[Array, Float[Array, ""]]:
+    """Number of the piece around `u`, spans cut in equal ones, and the place in it, from −1 to 1."""
+    first = basis.span(u)
+    start, end = take(basis.knots, first + basis.degree), take(basis.knots, first + basis.degree + 1)
+    share = (u - start) / (end - start) * pieces
+    piece = jnp.clip(jnp.floor(jax.lax.stop_gradient(share)), 0, pieces - 1)
+    return first * pieces + piece.astype(jnp.int32), 2 * (share - piece) - 1
+
+
+def _is_symbolic(leaf: Any) -> bool:
+    return isinstance(leaf, SymbolicZero)
+
+
+def _instantiate(leaf: Any) -> Any:
+    return jnp.zeros(leaf.shape, leaf.dtype) if _is_symbolic(leaf) else leaf
+
+
+@breaks.register(QICurve)
+def _(shape: QICurve) -> Any:
+    return knot_breaks(shape.basis)
+
+
+@breaks.register(_PreparedQICurve)
+def _(shape: _PreparedQICurve) -> Any:
+    return breaks(shape.curve)

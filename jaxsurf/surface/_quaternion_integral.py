@@ -1,0 +1,285 @@
+"""Quaternion integral surfaces: shaped by the directions of their u-lines, along an initial curve."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._array import Numbers, as_float, concrete, eps, is_concrete, take
+from .._errors import InputError
+from .._registry import register
+from .._safe import unit
+from ..basis import BSplineBasis, check_knots, clamped_knots
+from ..curve import QICurve, combine
+from ..curve._quaternion_integral import place_in_piece
+from ..quaternion import blended_direction, blended_on_spans
+from ..quaternion._control import angle_to_blend, as_tolerance, check_directions, largest_angle, ready_angle
+from ..quaternion._pieces import SURFACE_NODES as NODES, gauss_places, integral_matrix, pieces_per_span, power_matrix
+from ._abstract import AbstractSurface
+from ._breaks import breaks, knot_breaks
+
+_PATHS = ("spine first", "u first")
+
+
+@register
+class QISurface(AbstractSurface):
+    """S(u, v) = spine(v) + l(v) / (b − a) ∫ₐᵘ T(·, v), the unit quaternion integral surface with tangents T along u.
+
+    T(u, v): control tangents of row i are blended along v to t_i(v), as the tangent of a `QICurve` is, and those along u.
+    spine: the initial curve u = a, with the domain of v; tangents: (n, m, 3), of any length > 0, kept as unit vectors;
+    lengths: (m,), positive, control numbers of l(v), the length of the u-lines: |S_u| = l(v) / (b − a) everywhere. knots_u:
+    (n + degree_u + 1,), knots_v: (m + degree_v + 1,), by default clamped and even on [0, 1].
+
+    path: the tangent fields along u and along v do not fit together in general, so the way of integration belongs to the
+    surface: "spine first", the paper's, along the initial curve and then along u; "u first" along u at the first v and then
+    along v, with the initial curve's tangents for all u: the edge moved along the spine. `closure_gap` is their difference.
+
+    tolerance and angles, those between neighbours along u and along v: as for `QICurve`. Raises `InputError` as that does, and
+    where rows become opposite between control tangents. Source: Sakiyama, Miura, Kaneko (paper 004), (6)-(8).
+    """
+
+    spine: QICurve
+    tangents: Float[Array, "n m 3"]
+    lengths: Float[Array, "m"]
+    knots_u: Float[Array, "k"]
+    knots_v: Float[Array, "l"]
+    degree_u: int = eqx.field(static=True)
+    degree_v: int = eqx.field(static=True)
+    path: str = eqx.field(static=True)
+    angle_u: float = eqx.field(static=True)
+    angle_v: float = eqx.field(static=True)
+    tolerance: float = eqx.field(static=True)
+
+    def __init__(
+        self,
+        spine: QICurve,
+        tangents: Numbers,
+        lengths: Numbers,
+        degree_u: int = 3,
+        degree_v: int = 3,
+        knots_u: Numbers | None = None,
+        knots_v: Numbers | None = None,
+        *,
+        path: str = "spine first",
+        tolerance: float | None = None,
+        angles: tuple[float, float] | None = None,
+    ):
+        if not isinstance(spine, QICurve):
+            raise InputError(f"`spine` must be a `QICurve`, the initial curve, got {type(spine).__name__}.")
+        if path not in _PATHS:
+            raise InputError(f"`path` must be {' or '.join(map(repr, _PATHS))}, got {path!r}.")
+        dtype = spine.dtype
+        self.spine, self.path = spine, path
+        self.degree_u, self.degree_v = int(degree_u), int(degree_v)
+        directions = as_float(tangents, dtype)
+        check_directions(directions, "tangents", ("n", "m", "3"))
+        n, m = directions.shape[:2]
+        self.tangents = unit(directions)
+        self.lengths = _positive(as_float(lengths, dtype), m)
+        self.knots_u = as_float(clamped_knots(n, self.degree_u) if knots_u is None else knots_u, dtype)
+        self.knots_v = as_float(clamped_knots(m, self.degree_v) if knots_v is None else knots_v, dtype)
+        check_knots(self.knots_u, self.degree_u, n, name="knots_u")
+        check_knots(self.knots_v, self.degree_v, m, name="knots_v")
+        _check_domains(self.spine.domain, self.domain[1], eps(dtype))
+        across = jnp.swapaxes(directions, 0, 1)
+        check_directions(across, "tangents", ("m", "n", "3"))
+        if angles is None:
+            angles = angle_to_blend(self.basis_v, across, "tangents"), largest_angle(across)
+            angles = tuple(map(ready_angle, angles))
+        self.angle_u, self.angle_v = map(float, angles)
+        self.tolerance = as_tolerance(tolerance, dtype)
+
+    @property
+    def basis_u(self) -> BSplineBasis:
+        """The basis functions that blend tangents along u."""
+        return BSplineBasis(self.knots_u, self.degree_u)
+
+    @property
+    def basis_v(self) -> BSplineBasis:
+        """The basis functions that blend tangents, and the lengths, along v."""
+        return BSplineBasis(self.knots_v, self.degree_v)
+
+    @property
+    def domain(self) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+        return self.basis_u.domain, self.basis_v.domain
+
+    @property
+    def pieces_u(self) -> int:
+        """How many polynomials stand for a span along u."""
+        return pieces_per_span(self.degree_u, self.angle_u, self.tolerance, NODES)
+
+    @property
+    def pieces_v(self) -> int:
+        """How many polynomials stand for a span along v."""
+        return pieces_per_span(self.degree_v, self.angle_v, self.tolerance, NODES)
+
+    def length(self, v: Float[Array, ""]) -> Float[Array, ""]:
+        """The length l(v) of the u-line at one parameter, inside traced code."""
+        return combine(self.basis_v, self.lengths[:, None], v)[0]
+
+    def direction(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
+        """The unit tangent T(u, v) of the u-line at one pair of parameters, inside traced code."""
+        return blended_direction(self.basis_u, blended_direction(self.basis_v, jnp.swapaxes(self.tangents, 0, 1), v), u)
+
+    def u_line(self, v: Float[Array, ""]) -> QICurve:
+        """The curve u ↦ S(u, v) of "spine first", inside traced code."""
+        rows = blended_direction(self.basis_v, jnp.swapaxes(self.tangents, 0, 1), v)
+        return self._line(self.spine.point(v), self.length(v), rows)
+
+    def prepared(self) -> Any:
+        """The surface with the polynomials of its pieces."""
+        if self.path == "u first":
+            first = self.domain[1][0]
+            rows = blended_direction(self.basis_v, jnp.swapaxes(self.tangents, 0, 1), first)
+            edge = self._line(jnp.zeros(3, self.dtype), self.length(first), rows)
+            return _Translated(self, self.spine.prepared(), edge.prepared())
+        return _PreparedQISurface(self, self.spine.prepared(), self._integral_rows())
+
+    def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
+        return self.prepared().point(u, v)
+
+    def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
+        return self.prepared().grid_points(u, v)
+
+    def _line(self, start: Float[Array, "3"], length: Float[Array, ""], rows: Float[Array, "n 3"]) -> QICurve:
+        """A curve along u, ready for the same angles as the surface."""
+        return QICurve(start, length, rows, self.degree_u, self.knots_u, angle=self.angle_u, tolerance=self.tolerance)
+
+    def _integral_rows(self) -> Float[Array, "r w"]:
+        """Coefficients of ∫ T / (b − a): a row for each pair of pieces and power of u, in it by power of v."""
+        (a, b), _ = self.domain
+        directions = self._directions_at_nodes()
+        middle = directions[:, NODES // 2, :, NODES // 2]
+        constant = lambda matrix: jnp.asarray(matrix, self.dtype)
+        # differences from an amid direction first: they are small, and lose no digits to large powers
+        around = directions - middle[:, None, :, None]
+        around = jnp.einsum("bw,uqvwx->uqvbx", constant(power_matrix(NODES)), around, precision="highest")
+        powers = jnp.einsum("aq,uqvbx->uvabx", constant(integral_matrix(NODES)), around, precision="highest")
+        powers = powers.at[:, :, :2, 0].add(middle[:, :, None])
+        spans = jnp.diff(self.knots_u[self.degree_u : self.tangents.shape[0] + 1])
+        halves = jnp.repeat(spans, self.pieces_u) / (2 * self.pieces_u * (b - a))
+        powers = powers * halves.reshape(-1, 1, 1, 1, 1)
+        whole = jnp.sum(powers, axis=2)  # at the end of each piece
+        powers = powers.at[:, :, 0].add(jnp.cumsum(whole, axis=0) - whole)
+        return powers.reshape(-1, NODES * 3)
+
+    def _directions_at_nodes(self) -> Float[Array, "u q v w 3"]:
+        """T at all pairs of nodes: piece and node along u, piece and node along v."""
+        across = blended_on_spans(self.basis_v, jnp.swapaxes(self.tangents, 0, 1), gauss_places(self.pieces_v, NODES))
+        rows = jnp.swapaxes(across.reshape(-1, *across.shape[2:]), 0, 1)
+        directions = blended_on_spans(self.basis_u, rows, gauss_places(self.pieces_u, NODES))
+        return directions.reshape(-1, NODES, rows.shape[1] // NODES, NODES, 3)
+
+
+class _PreparedQISurface(AbstractSurface):
+    """A `QISurface` with the rows of `_integral_rows`."""
+
+    surface: QISurface
+    spine: Any
+    rows: Float[Array, "r w"]
+
+    @property
+    def domain(self) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+        return self.surface.domain
+
+    def prepared(self) -> "_PreparedQISurface":
+        return self
+
+    def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
+        surface = self.surface
+        piece_u, place_u = place_in_piece(surface.basis_u, surface.pieces_u, u)
+        piece_v, place_v = place_in_piece(surface.basis_v, surface.pieces_v, v)
+        row = (piece_u * self._pieces_along_v() + piece_v) * (NODES + 1)
+        by_v = take(self.rows, row + NODES)
+        for power in range(NODES - 1, -1, -1):
+            by_v = by_v * place_u + take(self.rows, row + power)
+        total = _by_power(by_v, place_v)
+        return self.spine.point(v) + surface.length(v) * total
+
+    def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
+        surface = self.surface
+        piece_u, place_u = jax.vmap(lambda t: place_in_piece(surface.basis_u, surface.pieces_u, t))(u)
+        piece_v, place_v = jax.vmap(lambda t: place_in_piece(surface.basis_v, surface.pieces_v, t))(v)
+        powers = self.rows.reshape(-1, self._pieces_along_v(), NODES + 1, NODES, 3)[:, piece_v]
+        columns = powers[:, :, :, -1]  # (pieces along u, k, power of u, 3)
+        for power in range(NODES - 2, -1, -1):
+            columns = columns * place_v[None, :, None, None] + powers[:, :, :, power]
+        columns = jnp.moveaxis(columns, 2, 0)
+        total = columns[-1][piece_u]
+        for power in range(NODES - 1, -1, -1):
+            total = total * place_u[:, None, None] + columns[power][piece_u]
+        length = jax.vmap(surface.length)(v)
+        return jax.vmap(self.spine.point)(v)[None] + length[None, :, None] * total
+
+    def _pieces_along_v(self) -> int:
+        surface = self.surface
+        return (surface.tangents.shape[1] - surface.degree_v) * surface.pieces_v
+
+
+class _Translated(AbstractSurface):
+    """A `QISurface` of the path "u first", with its two curves prepared."""
+
+    surface: QISurface
+    spine: Any
+    edge: Any
+
+    @property
+    def domain(self) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+        return self.surface.domain
+
+    def prepared(self) -> "_Translated":
+        return self
+
+    def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
+        return self.spine.point(v) + self.edge.point(u)
+
+    def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
+        return jax.vmap(self.spine.point)(v)[None] + jax.vmap(self.edge.point)(u)[:, None]
+
+
+@breaks.register(QISurface)
+def _(shape: QISurface) -> tuple[Any, Any]:
+    spine, own = breaks(shape.spine), knot_breaks(shape.basis_v)
+    if is_concrete(spine, own):
+        return knot_breaks(shape.basis_u), np.unique(np.concatenate([concrete(own), concrete(spine)]))
+    return knot_breaks(shape.basis_u), jnp.sort(jnp.concatenate([jnp.asarray(own), jnp.asarray(spine)]))
+
+
+@breaks.register(_PreparedQISurface)
+@breaks.register(_Translated)
+def _(shape: Any) -> tuple[Any, Any]:
+    return breaks(shape.surface)
+
+
+def _by_power(rows: Float[Array, "w"], place: Float[Array, ""]) -> Float[Array, "3"]:
+    """Σ_k place^k rows[3k : 3k + 3]."""
+    parts = rows.reshape(NODES, 3)
+    total = parts[-1]
+    for power in range(NODES - 2, -1, -1):
+        total = total * place + parts[power]
+    return total
+
+
+def _positive(lengths: Array, count: int) -> Array:
+    if lengths.shape != (count,):
+        raise InputError(f"`lengths` must have shape ({count},), one for each column of `tangents`, got {lengths.shape}.")
+    if is_concrete(lengths):
+        values = concrete(lengths)
+        bad = ~(np.isfinite(values) & (values > 0))
+        if np.any(bad):
+            i = int(np.argmax(bad))
+            raise InputError(f"`lengths` must be finite and positive, but lengths[{i}] is {values[i]:g}.")
+    return lengths
+
+
+def _check_domains(spine: tuple[Any, Any], own: tuple[Any, Any], unit_roundoff: float) -> None:
+    if not is_concrete(spine, own):
+        return
+    (a, b), (c, d) = (tuple(float(end) for end in pair) for pair in (spine, own))
+    if max(abs(a - c), abs(b - d)) > 8 * unit_roundoff * max(abs(c), abs(d)):
+        raise InputError(
+            f"`spine` must have the domain of v, [{c:g}, {d:g}], got [{a:g}, {b:g}]; give it or `knots_v` other knots."
+        )
