@@ -61,7 +61,9 @@ from .fit import (
     Fit as Fit,
     fit as fit,
     fit_cloud as fit_cloud,
+    fit_qi as fit_qi,
     parametrise as parametrise,
+    qi_plane as qi_plane,
     trim_to_cloud as trim_to_cloud,
 )
 from .query import Foot as Foot, closest_point as closest_point
@@ -76,4 +78,6 @@ from .surface import (
     Sphere as Sphere,
     Torus as Torus,
     TrimmedSurface as TrimmedSurface,
+    closure_density as closure_density,
+    closure_gap as closure_gap,
 )

@@ -13,6 +13,10 @@ class Preparable(eqx.Module):
         """The same shape with all shapes inside it prepared; one that has tables to build does so here."""
         return jax.tree.map(_prepare_leaf, self, is_leaf=lambda node: node is not self and isinstance(node, Preparable))
 
+    def renewed(self) -> Any:
+        """The same shape, made ready for its present control data where it was made ready for other ones."""
+        return self
+
 
 def prepare(tree: Any) -> Any:
     """The tree with every shape in it prepared; call it outside of loops over points."""

@@ -58,7 +58,7 @@ class BSplineBasis(eqx.Module):
         return first, [values[i] for i in range(self.degree + 1)]
 
     def span(self, u: Float[Array, ""]) -> Int[Array, ""]:
-        """Index of the first function that does not vanish around `u`, which is inside one period: the number of its span."""
+        """Index of the first function that does not vanish around `u`, inside one period: the number of its span."""
         return _first_function(self.unrolled_knots, self.degree, u)
 
     def place(

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from .._errors import InputError
 
@@ -47,7 +47,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-_FIT = """Fit a B-spline surface to an unordered, sheet-like point cloud and write it as a CAD file. Points: .xyz .txt
+_FIT = """Fit a surface to an unordered, sheet-like point cloud and write it as a CAD file. Points: .xyz .txt
 .csv .npz .npy .ply .stl .obj, and .las .laz .e57 .pcd with the extra `scan`. Ctrl-C stops at the best surface so far
 and writes that."""
 
@@ -61,6 +61,18 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="FILE",
         help=".step .iges .3dm .jxs, or .stl .obj .ply .glb; may be repeated",
+    )
+    parser.add_argument(
+        "--family",
+        default="bspline",
+        choices=("bspline", "qi"),
+        help="bspline, or qi: a quaternion integral surface, shaped by tangents (default bspline)",
+    )
+    parser.add_argument(
+        "--tangents",
+        type=_pair,
+        metavar="NxM",
+        help="control tangents of --family qi, u along the longer side (default 3x3)",
     )
     parser.add_argument(
         "--spans",
@@ -77,7 +89,7 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         help="share of the points for --tolerance (default 0.95)",
     )
     parser.add_argument("--max-spans", type=int, default=40, metavar="N", help="most spans per direction (default 40)")
-    parser.add_argument("--degree", type=int, default=3, metavar="P", help="degree in both directions (default 3)")
+    parser.add_argument("--degree", type=int, metavar="P", help="degree in both directions (default 3, of --family qi 2)")
     parser.add_argument(
         "--smooth",
         type=float,
@@ -118,31 +130,55 @@ def _fit(options: argparse.Namespace) -> int:
 
     jax.config.update("jax_enable_x64", True)
     keep_compilations()
-    from ..fit import fit_cloud
     from ..io import read_points
     from ._progress_bar import watching
 
     points = read_points(options.cloud)
     with watching(quiet=options.quiet) as progress:
-        found = fit_cloud(
-            points,
-            spans=options.spans,
-            tolerance=options.tolerance,
-            quantile=options.quantile,
-            max_spans=options.max_spans,
-            degree=options.degree,
-            loss=options.loss,
-            fairness=options.smooth,
-            holdout=options.holdout,
-            progress=progress,
-        )
-    written = output.write_all(options, found, points, time.perf_counter() - begun)
+        found = (_found_qi if options.family == "qi" else _found_bspline)(options, points, progress)
+    rows = output.figures(options, found, points)
+    written = output.write_all(options, found, points, rows, begun)
     if not options.quiet:
-        print("\n".join(output.summary_lines(options, found, len(points), written, time.perf_counter() - begun)))
+        print("\n".join(output.summary_lines(options, found, output.timed(rows, begun), written)))
     if found.stopped:
         print("jaxsurf: stopped on request; what was written is the best surface so far.", file=sys.stderr)
         return _INTERRUPTED
     return 0
+
+
+def _found_bspline(options: argparse.Namespace, points: Any, progress: Any) -> Any:
+    from ..fit import fit_cloud
+
+    if options.tangents is not None:
+        raise InputError("`--tangents` belongs to `--family qi`; a B-spline takes `--spans`.")
+    return fit_cloud(
+        points,
+        spans=options.spans,
+        tolerance=options.tolerance,
+        quantile=options.quantile,
+        max_spans=options.max_spans,
+        degree=3 if options.degree is None else options.degree,
+        loss=options.loss,
+        fairness=options.smooth,
+        holdout=options.holdout,
+        progress=progress,
+    )
+
+
+def _found_qi(options: argparse.Namespace, points: Any, progress: Any) -> Any:
+    from ..fit import fit_qi
+
+    if options.spans is not None or options.tolerance is not None:
+        raise InputError("`--spans` and `--tolerance` belong to `--family bspline`; a QI surface takes `--tangents`.")
+    return fit_qi(
+        points,
+        tangents=options.tangents or (3, 3),
+        degree=2 if options.degree is None else options.degree,
+        loss=options.loss,
+        fairness=options.smooth,
+        holdout=options.holdout,
+        progress=progress,
+    )
 
 
 def keep_compilations() -> None:

@@ -1,6 +1,7 @@
 """What `jaxsurf fit` writes and prints."""
 
 import argparse
+import time
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,10 @@ def check_targets(options: argparse.Namespace) -> None:
             raise InputError(f"{name!r} is named twice: give every output a file of its own, other than the cloud.")
 
 
-def write_all(options: argparse.Namespace, found: Any, points: np.ndarray, seconds: float) -> list[str]:
+Rows = list[tuple[str, object, str]]
+
+
+def write_all(options: argparse.Namespace, found: Any, points: np.ndarray, rows: Rows, begun: float) -> list[str]:
     """Write every file that was asked for; returns their names."""
     from ..fit import side_lengths, trim_to_cloud
     from ..io import save
@@ -61,7 +65,7 @@ def write_all(options: argparse.Namespace, found: Any, points: np.ndarray, secon
         shape = trim_to_cloud(found.shape, found.foot.parameters, side_lengths(found.shape))
     written = []
     for target in options.output:
-        _write_shape(target, shape, options.unit)
+        _write_shape(target, shape, options.unit, _conversion_tolerance(found))
         written.append(target)
     if options.save:
         save(options.save, shape)
@@ -70,16 +74,25 @@ def write_all(options: argparse.Namespace, found: Any, points: np.ndarray, secon
         _deviation_picture(found, points, options.unit, shape, options.picture)
         written.append(options.picture)
     if options.report:
-        _write_report(options, found, points, shape, seconds)
+        _write_report(options, found, points, shape, timed(rows, begun))
         written.append(options.report)
     return written
 
 
-def _write_shape(target: str, shape: Any, unit: str) -> None:
+def _conversion_tolerance(found: Any) -> float:
+    """How far the B-spline in a CAD file may be from the surface that was fitted: far below what the fit leaves."""
+    extent = float(np.linalg.norm(np.ptp(np.asarray(found.foot.points), axis=0)))
+    return max(1e-3 * float(found.deviation.rms), 1e-7 * extent)
+
+
+def _write_shape(target: str, shape: Any, unit: str, tolerance: float) -> None:
     from .. import io
+    from ..convert import to_bspline
     from ..mesh import tessellate
 
     suffix = Path(target).suffix.lower()
+    if suffix in _CAD:
+        shape = to_bspline(shape, tolerance).shape
     if suffix in (".step", ".stp"):
         io.write_step(target, shape, unit=unit)
     elif suffix in (".iges", ".igs"):
@@ -99,16 +112,12 @@ def _deviation_picture(found: Any, points: np.ndarray, unit: str, shape: Any, pa
     return deviation(shape, found.foot.parameters, found.deviation.signed, points, unit=unit, path=path)
 
 
-def figures(found: Any, count: int, unit: str, seconds: float) -> list[tuple[str, object, str]]:
+def figures(options: argparse.Namespace, found: Any, points: np.ndarray) -> Rows:
     """(label, value, unit) of everything that was measured."""
-    n, m = found.shape.control_points.shape[:2]
-    degree_u, degree_v = found.shape.degree_u, found.shape.degree_v
-    deviation = found.deviation
-    rows: list[tuple[str, object, str]] = [
-        ("points", count, ""),
-        ("control points", f"{n} × {m} = {n * m}", ""),
-        ("degree", f"{degree_u} × {degree_v}", ""),
-        ("spans", f"{n - degree_u} × {m - degree_v}", ""),
+    unit, deviation = options.unit, found.deviation
+    rows: Rows = [
+        ("points", len(points), ""),
+        *(_qi_size if options.family == "qi" else _spline_size)(found.shape),
         ("rms deviation", float(deviation.rms), unit),
         ("mean deviation", float(deviation.mean), unit),
         ("largest deviation", float(deviation.max), unit),
@@ -122,10 +131,45 @@ def figures(found: Any, count: int, unit: str, seconds: float) -> list[tuple[str
                 unit,
             )
         )
+    if options.family == "qi" and not found.stopped:
+        rows.append(_peer_row(options, found, points))
     uncovered = len(found.coverage.uncovered)
     rows.append(("knot cells without points", f"{uncovered} of {found.coverage.covered.size}", ""))
-    rows.append(("time", round(seconds, 1), "s"))
     return rows
+
+
+def timed(rows: Rows, begun: float) -> Rows:
+    """The figures with the time since `begun`, of `time.perf_counter`."""
+    return [*rows, ("time", round(time.perf_counter() - begun, 1), "s")]
+
+
+def _spline_size(shape: Any) -> Rows:
+    n, m = shape.control_points.shape[:2]
+    return [
+        ("control points", f"{n} × {m} = {n * m}", ""),
+        ("degree", f"{shape.degree_u} × {shape.degree_v}", ""),
+        ("spans", f"{n - shape.degree_u} × {m - shape.degree_v}", ""),
+    ]
+
+
+def _qi_size(shape: Any) -> Rows:
+    from ..fit import numbers_of
+
+    n, m = shape.tangents.shape[:2]
+    return [
+        ("control tangents", f"{n} × {m}, and {shape.spine.tangents.shape[0]} of the initial curve", ""),
+        ("degree", f"{shape.degree_u} × {shape.degree_v}", ""),
+        ("numbers that shape it", numbers_of(shape), ""),
+    ]
+
+
+def _peer_row(options: argparse.Namespace, found: Any, points: np.ndarray) -> tuple[str, object, str]:
+    """The deviation of a B-spline with as many numbers."""
+    from ..fit import peer_fit
+
+    peer = peer_fit(points, found.shape, loss=options.loss, fairness=options.smooth)
+    n, m = peer.shape.control_points.shape[:2]
+    return f"rms deviation of a B-spline with {3 * n * m} numbers", float(peer.deviation.rms), options.unit
 
 
 def notes(options: argparse.Namespace, found: Any) -> list[str]:
@@ -149,24 +193,21 @@ def notes(options: argparse.Namespace, found: Any) -> list[str]:
     return said
 
 
-def summary_lines(options: argparse.Namespace, found: Any, count: int, written: list[str], seconds: float) -> list[str]:
+def summary_lines(options: argparse.Namespace, found: Any, rows: Rows, written: list[str]) -> list[str]:
     """What is printed when all is done."""
-    rows = [
-        (label, f"{value:.4g}" if isinstance(value, float) else str(value), unit)
-        for label, value, unit in figures(found, count, options.unit, seconds)
-    ]
+    rows = [(label, f"{value:.4g}" if isinstance(value, float) else str(value), unit) for label, value, unit in rows]
     width = max(len(label) for label, _, _ in rows)
     lines = [f"{label.ljust(width)}  {value} {unit}".rstrip() for label, value, unit in rows]
     return [*lines, *notes(options, found), "wrote " + ", ".join(written)]
 
 
-def _write_report(options: argparse.Namespace, found: Any, points: np.ndarray, shape: Any, seconds: float) -> None:
+def _write_report(options: argparse.Namespace, found: Any, points: np.ndarray, shape: Any, rows: Rows) -> None:
     from ..report import Report, Table, provenance, write_report
     from ..view import png_bytes, shade
 
     history = Table(
         "Refinement",
-        ("spans", "control points", f"rms [{options.unit}]", "within tolerance"),
+        ("spans", "tangents" if options.family == "qi" else "control points", f"rms [{options.unit}]", "within tolerance"),
         [
             (
                 f"{s.spans[0]} × {s.spans[1]}",
@@ -183,7 +224,7 @@ def _write_report(options: argparse.Namespace, found: Any, points: np.ndarray, s
     ]
     report = Report(
         title=f"Surface fitted to {Path(options.cloud).name}",
-        summary=figures(found, len(points), options.unit, seconds),
+        summary=rows,
         deviations=np.asarray(found.deviation.signed),
         unit=options.unit,
         pictures=pictures,

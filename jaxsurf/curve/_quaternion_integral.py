@@ -1,5 +1,6 @@
 """Quaternion integral curves: shaped by the directions of their tangents."""
 
+import math
 from functools import partial
 from typing import Any
 
@@ -7,14 +8,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from .._arguments import as_number, as_vector
-from .._array import Numbers, as_float, take
+from .._array import Numbers, as_float, is_concrete, map_points, take
 from .._registry import register
-from .._safe import unit
+from .._safe import divide, norm, unit
 from ..basis import BSplineBasis, check_knots, clamped_knots
-from ..quaternion import blended_direction, blended_on_spans
+from ..quaternion import angular_velocity, blended_direction, blended_on_spans
 from ..quaternion._control import as_tolerance, check_directions, largest_angle, ready_angle
 from ..quaternion._pieces import CURVE_NODES as NODES, gauss_places, integral_matrix, pieces_per_span
 from ._abstract import AbstractCurve
@@ -23,12 +24,12 @@ from ._breaks import breaks, knot_breaks
 
 @register
 class QICurve(AbstractCurve):
-    """C(u) = start + length / (b − a) ∫ₐᵘ q v₀ q⁻¹, the unit quaternion integral curve: the tangent is a spline on the sphere.
+    """C(u) = start + length / (b − a) ∫ₐᵘ q v₀ q⁻¹, the unit quaternion integral curve, with a spline of directions as tangent.
 
     q(u) = exp(ω_n B̃_n(u)) … exp(ω_1 B̃_1(u)) q_0 turns the fixed direction v₀ through the control tangents, ω_i from number
-    i − 1 to number i. The speed is constant: `length` is the length of the whole curve, length (u − a) / (b − a) that of a part.
-    With clamped knots the curve begins along the first control tangent and ends along the last; of degree 1 it consists
-    of circular arcs, in a plane of degree 2 of clothoids; it is C^degree.
+    i − 1 to number i. The speed is constant: a part has the length length (u − a) / (b − a). With clamped knots
+    the curve begins along the first control tangent and ends along the last; of degree 1 it consists of circular arcs, in a
+    plane of degree 2 of clothoids; it is C^degree.
 
     start: (3,); length: positive; tangents: (n, 3), control tangents of any length > 0, kept as unit vectors; degree ≥ 1;
     knots: (n + degree + 1,), by default clamped and even on [0, 1]. Points come from `pieces` polynomials for each span, as
@@ -69,6 +70,24 @@ class QICurve(AbstractCurve):
         self.angle = ready_angle(largest_angle(directions)) if angle is None else float(angle)
         self.tolerance = as_tolerance(tolerance, dtype)
 
+    @classmethod
+    def line(cls, start: Numbers, end: Numbers, count: int = 3, degree: int = 2) -> "QICurve":
+        """The straight curve from `start` to `end`, (3,), with `count` control tangents: what a modeller begins with."""
+        start = as_vector(start, "start")
+        along = as_vector(end, "end", start.dtype) - start
+        return cls(start, norm(along), jnp.broadcast_to(along, (count, 3)), degree)
+
+    def replace(self, **changes: Any) -> "QICurve":
+        """The curve with other control data, by their names in the constructor; checked, and made ready anew."""
+        return QICurve(**{**self._data(), **changes})
+
+    def renewed(self) -> "QICurve":
+        return self.replace() if is_concrete(self) else self
+
+    def _data(self) -> dict[str, Any]:
+        names = ("start", "length", "tangents", "degree", "knots", "tolerance")
+        return {name: getattr(self, name) for name in names}
+
     @property
     def basis(self) -> BSplineBasis:
         """The basis functions that blend the control tangents."""
@@ -93,7 +112,19 @@ class QICurve(AbstractCurve):
         """The unit tangent at one parameter, inside traced code."""
         return blended_direction(self.basis, self.tangents, u)
 
-    def prepared(self) -> "_PreparedQICurve":
+    def tangent(self, u: Numbers) -> Float[Array, "*batch 3"]:
+        """Unit tangents at parameters of any shape, in closed form."""
+        return map_points(QICurve.direction, self, as_float(u, self.dtype))
+
+    def curvature(self, u: Numbers) -> Float[Array, "*batch"]:
+        """Curvature at parameters of any shape, in closed form: |W − ⟨W, T⟩T| / length, W the angular velocity."""
+        return map_points(_curvature_at, self, as_float(u, self.dtype))
+
+    def torsion(self, u: Numbers) -> Float[Array, "*batch"]:
+        """Torsion at parameters of any shape, in closed form; where the curvature is 0, which has none, ⟨W, T⟩ / length."""
+        return map_points(_torsion_at, self, as_float(u, self.dtype))
+
+    def prepared(self) -> "PreparedQICurve":
         """The curve with the polynomials of its pieces."""
         knots, degree, count = self.knots, self.degree, self.tangents.shape[0]
         directions = blended_on_spans(self.basis, self.tangents, gauss_places(self.pieces, NODES))
@@ -109,13 +140,13 @@ class QICurve(AbstractCurve):
         whole = sum(powers)  # at +1
         powers[0] = powers[0] + (jnp.cumsum(whole, axis=0) - whole)
         # the numbers of a piece side by side: they are fetched together
-        return _PreparedQICurve(self, jnp.stack(powers, axis=1).reshape(-1, 3))
+        return PreparedQICurve(self, jnp.stack(powers, axis=1).reshape(-1, 3))
 
     def point(self, u: Float[Array, ""]) -> Float[Array, "3"]:
         return self.prepared().point(u)
 
 
-class _PreparedQICurve(AbstractCurve):
+class PreparedQICurve(AbstractCurve):
     """A `QICurve` with the coefficients of its points from the start, by piece and power of the place in it."""
 
     curve: QICurve
@@ -125,15 +156,21 @@ class _PreparedQICurve(AbstractCurve):
     def domain(self) -> tuple[Any, Any]:
         return self.curve.domain
 
-    def prepared(self) -> "_PreparedQICurve":
+    def prepared(self) -> "PreparedQICurve":
         return self
 
     def point(self, u: Float[Array, ""]) -> Float[Array, "3"]:
         return _position(self, u)
 
+    def derivatives(self, u: Float[Array, ""], order: int) -> list[Float[Array, "3"]]:
+        """The point and derivatives up to `order`, of the polynomial: cheap, and less exact with every order."""
+        piece, place, slope = place_in_piece(self.curve.basis, self.curve.pieces, u)
+        found = horner(self.rows, piece * (NODES + 1), NODES + 1, place, slope, order)
+        return [self.curve.start + found[0], *found[1:]]
 
-@partial(jax.custom_jvp)
-def _position(prepared: _PreparedQICurve, u: Float[Array, ""]) -> Float[Array, "3"]:
+
+@jax.custom_jvp
+def _position(prepared: PreparedQICurve, u: Float[Array, ""]) -> Float[Array, "3"]:
     """The point, from the polynomial of the piece around `u`; the slope by `u` is the blended tangent itself."""
     return _by_polynomials(prepared, u)
 
@@ -153,22 +190,48 @@ def _(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Array
     return point, slope
 
 
-def _by_polynomials(prepared: _PreparedQICurve, u: Float[Array, ""]) -> Float[Array, "3"]:
-    piece, place = place_in_piece(prepared.curve.basis, prepared.curve.pieces, u)
-    row = piece * (NODES + 1)
-    total = take(prepared.rows, row + NODES)
-    for power in range(NODES - 1, -1, -1):
-        total = total * place + take(prepared.rows, row + power)
-    return prepared.curve.start + total
+def _curvature_at(curve: QICurve, u: Float[Array, ""]) -> Float[Array, ""]:
+    direction, velocity, _ = angular_velocity(curve.basis, curve.tangents, u)
+    return norm(jnp.cross(direction, velocity)) / curve.speed
 
 
-def place_in_piece(basis: BSplineBasis, pieces: int, u: Float[Array, ""]) -> tuple[Array, Float[Array, ""]]:
-    """Number of the piece around `u`, spans cut in equal ones, and the place in it, from −1 to 1."""
+def _torsion_at(curve: QICurve, u: Float[Array, ""]) -> Float[Array, ""]:
+    direction, velocity, change = angular_velocity(curve.basis, curve.tangents, u)
+    across = jnp.cross(direction, velocity)
+    turning = divide(direction @ jnp.cross(velocity, change), across @ across)
+    return (direction @ velocity + turning) / curve.speed
+
+
+def _by_polynomials(prepared: PreparedQICurve, u: Float[Array, ""]) -> Float[Array, "3"]:
+    return prepared.derivatives(u, 0)[0]
+
+
+def place_in_piece(
+    basis: BSplineBasis, pieces: int, u: Float[Array, ""]
+) -> tuple[Int[Array, ""], Float[Array, ""], Float[Array, ""]]:
+    """Number of the piece around `u`, spans cut in equal ones; the place in it, from −1 to 1, and its slope by `u`."""
     first = basis.span(u)
     start, end = take(basis.knots, first + basis.degree), take(basis.knots, first + basis.degree + 1)
     share = (u - start) / (end - start) * pieces
     piece = jnp.clip(jnp.floor(jax.lax.stop_gradient(share)), 0, pieces - 1)
-    return first * pieces + piece.astype(jnp.int32), 2 * (share - piece) - 1
+    return first * pieces + piece.astype(jnp.int32), 2 * (share - piece) - 1, 2 * pieces / (end - start)
+
+
+def horner(
+    rows: Float[Array, "r w"],
+    first: Int[Array, ""],
+    count: int,
+    place: Float[Array, ""],
+    slope: Float[Array, ""],
+    order: int = 0,
+) -> list[Float[Array, "w"]]:
+    """Σ_k place^k rows[first + k] and its derivatives up to `order`, times powers of `slope`."""
+    found = [take(rows, first + count - 1)] + [jnp.zeros(rows.shape[1], rows.dtype)] * order
+    for power in range(count - 2, -1, -1):
+        for k in range(order, 0, -1):
+            found[k] = found[k] * place + found[k - 1]
+        found[0] = found[0] * place + take(rows, first + power)
+    return [found[0], *(math.factorial(k) * slope**k * found[k] for k in range(1, order + 1))]
 
 
 def _is_symbolic(leaf: Any) -> bool:
@@ -184,6 +247,6 @@ def _(shape: QICurve) -> Any:
     return knot_breaks(shape.basis)
 
 
-@breaks.register(_PreparedQICurve)
-def _(shape: _PreparedQICurve) -> Any:
+@breaks.register(PreparedQICurve)
+def _(shape: PreparedQICurve) -> Any:
     return breaks(shape.curve)

@@ -12,6 +12,7 @@ from .._prepared import point_of
 from ..basis import BSplineBasis
 from ..curve import AbstractCurve, BSplineCurve
 from ..surface import AbstractSurface, BSplineSurface
+from ..surface._quaternion_integral import PreparedQISurface
 
 
 @singledispatch
@@ -51,6 +52,11 @@ def _(shape: BSplineSurface, parameters: tuple[Float[Array, ""], ...], order: in
     block = net.reshape(-1, 3)[index_u[:, None] * net.shape[1] + index_v[None, :]]
     table = jnp.einsum("ki,ild->kld", along_u, jnp.einsum("lj,ijd->ild", along_v, block))
     return {(k, l): table[k, l] for k in range(order + 1) for l in range(order + 1 - k)}
+
+
+@jet.register
+def _(shape: PreparedQISurface, parameters: tuple[Float[Array, ""], ...], order: int) -> dict:
+    return shape.derivatives(*parameters, order)
 
 
 def _by_forward_mode(shape: Any, parameters: tuple[Float[Array, ""], ...], indices: list[tuple[int, ...]]) -> dict:

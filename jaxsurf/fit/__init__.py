@@ -4,3 +4,9 @@ from ._deviation import Deviation as Deviation
 from ._fit import Fit as Fit, fit as fit, side_lengths as side_lengths
 from ._outline import trim_to_cloud as trim_to_cloud
 from ._parametrise import Parametrisation as Parametrisation, parametrise as parametrise
+from ._quaternion_cloud import (
+    fit_qi as fit_qi,
+    numbers_of as numbers_of,
+    peer_fit as peer_fit,
+    qi_plane as qi_plane,
+)

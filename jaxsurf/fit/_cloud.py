@@ -37,14 +37,14 @@ class Stage(eqx.Module):
 
 
 class CloudFit(eqx.Module):
-    """What `fit_cloud` found.
+    """What `fit_cloud` or `fit_qi` found.
 
     shape, foot, deviation, result, stopped: as in `Fit`, over all points; holdout: deviation of points left out of a
     refit, or `None`; coverage: the knot cells without points; stages: the history of refinement; met: whether the
     tolerance was reached, `None` without one.
     """
 
-    shape: BSplineSurface
+    shape: Any
     foot: Any
     deviation: Deviation
     result: Any
@@ -106,9 +106,9 @@ def fit_cloud(
         rest = _on_knots(done.shape, knots_u, knots_v)
         done = _refit(start, points, done.foot.parameters, rest, options)
         stages.append(_stage(done, tolerance))
-    left_out = None
+    missed = None
     if holdout > 0 and not done.stopped:
-        left_out = _hold_out(done, points, rest, holdout, seed, options)
+        missed = _hold_out(done, points, rest, holdout, seed, options)
     met = None if tolerance is None else (stages[-1].within or 0) >= quantile
     return CloudFit(
         done.shape,
@@ -116,7 +116,7 @@ def fit_cloud(
         done.deviation,
         done.result,
         watched.stop,
-        None if watched.stop else left_out,
+        None if watched.stop else missed,
         coverage(done.shape, done.foot.parameters),
         tuple(stages),
         met,
@@ -242,11 +242,16 @@ def _refit(start: BSplineSurface, points: Array, feet: Any, rest: BSplineSurface
     return fit(start, points, **{**fixed, **options, "phase": phase})
 
 
+def left_out(count: int, share: float, seed: int) -> np.ndarray:
+    """Which of `count` points a check fit does not see."""
+    return np.random.default_rng(seed).uniform(size=count) < share
+
+
 def _hold_out(
     done: Fit, points: Array, rest: BSplineSurface, share: float, seed: int, options: dict[str, Any]
 ) -> Deviation | None:
     """Refit with the chosen points weighing nothing, and measure those; the compiled fit serves again."""
-    chosen = np.random.default_rng(seed).uniform(size=points.shape[0]) < share
+    chosen = left_out(points.shape[0], share, seed)
     if not chosen.any():
         return None
     weights = jnp.asarray(~chosen, points.dtype)

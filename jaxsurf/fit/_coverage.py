@@ -4,7 +4,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..surface import BSplineSurface
+from ..surface import BSplineSurface, QISurface
 
 
 class Coverage(eqx.Module):
@@ -27,7 +27,7 @@ class Coverage(eqx.Module):
         return float(self.covered.mean())
 
 
-def coverage(surface: BSplineSurface, parameters: Float[Array, "N 2"]) -> Coverage:
+def coverage(surface: BSplineSurface | QISurface, parameters: Float[Array, "N 2"]) -> Coverage:
     """Count the feet in every knot cell."""
     feet = np.asarray(parameters)
     cells, shape = [], []

@@ -8,12 +8,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .. import _safe
+from .._prepared import prepare
 from ..basis import BSplineBasis
-from ..curve import AbstractCurve, BSplineCurve, NURBSCurve
+from ..curve import AbstractCurve, BSplineCurve, NURBSCurve, QICurve
 from ..differential import basis_derivatives, jet
-from ..surface import AbstractSurface, BSplineSurface
+from ..surface import AbstractSurface, BSplineSurface, QISurface
 from ._bending import span_nodes
-from ._normal_equations import KnotCells
+from ._normal_equations import KnotCells, derivatives_by_unknowns
 from ._problem import Problem
 
 _NODES = 3  # Gauss-Legendre nodes in each span
@@ -89,17 +90,17 @@ def _(shape: AbstractCurve, problem: Problem) -> _Variation:
     nodes, weights = _curve_nodes(shape)
 
     def length(theta: Float[Array, "P"]) -> Float[Array, ""]:
-        member = problem.member(theta)
+        member = prepare(problem.member(theta))
         return weights @ jax.vmap(lambda t: _safe.norm(jet(member, (t,), 1)[1,]))(nodes)
 
-    def residual(theta: Float[Array, "P"], t: Float[Array, ""], factor: Float[Array, ""]) -> Float[Array, "d"]:
-        d = jet(problem.member(theta), (t,), 3)
+    def residual(member: Any, t: Float[Array, ""], factor: Float[Array, ""]) -> Float[Array, "d"]:
+        d = jet(member, (t,), 3)
         return factor * _curve_variation(d[1,], d[2,], d[3,])
 
     theta = problem.unknowns(shape)
     whole, growth = jax.value_and_grad(length)(theta)
     scale = jnp.sqrt(whole**3 / (2 * jnp.pi) ** 4 * weights)
-    return _Variation(*_dense(residual, theta, nodes, scale), 1.5 * growth / whole)
+    return _Variation(*_dense(residual, problem, theta, nodes, scale), 1.5 * growth / whole)
 
 
 def _curve_variation(c1: Array, c2: Array, c3: Array) -> Array:
@@ -112,7 +113,7 @@ def _curve_variation(c1: Array, c2: Array, c3: Array) -> Array:
 
 
 def _curve_nodes(shape: Any) -> tuple[Array, Array]:
-    if isinstance(shape, BSplineCurve | NURBSCurve):
+    if isinstance(shape, BSplineCurve | NURBSCurve | QICurve):
         return span_nodes(shape.basis, _NODES + 1)
     a, b = shape.domain
     knots = a + (b - a) * jnp.linspace(0, 1, 33, dtype=shape.dtype)
@@ -121,23 +122,28 @@ def _curve_nodes(shape: Any) -> tuple[Array, Array]:
 
 @_variation.register
 def _(shape: AbstractSurface, problem: Problem) -> _Variation:
-    (a, b), (c, d) = shape.domain
-    even = lambda x, y: _even_nodes(x, y, shape.dtype)
-    (u, weights_u), (v, weights_v) = even(a, b), even(c, d)
+    (u, weights_u), (v, weights_v) = _surface_nodes(shape)
     nodes = jnp.stack(jnp.meshgrid(u, v, indexing="ij"), -1).reshape(-1, 2)
     weights = (weights_u[:, None] * weights_v[None, :]).reshape(-1)
 
-    def residual(theta: Float[Array, "P"], t: Float[Array, "2"], weight: Float[Array, ""]) -> Float[Array, "4"]:
-        return _weighted(jet(problem.member(theta), (t[0], t[1]), 3), weight)
+    def residual(member: Any, t: Float[Array, "2"], weight: Float[Array, ""]) -> Float[Array, "4"]:
+        return _weighted(jet(member, (t[0], t[1]), 3), weight)
 
     def area(theta: Float[Array, "P"]) -> Float[Array, ""]:
-        member = problem.member(theta)
+        member = prepare(problem.member(theta))
         return weights @ jax.vmap(lambda t: _element(jet(member, (t[0], t[1]), 1)))(nodes)
 
     theta = problem.unknowns(shape)
     whole, growth = jax.value_and_grad(area)(theta)
     scale = weights * whole / (2 * jnp.pi) ** 4
-    return _Variation(*_dense(residual, theta, nodes, scale), 0.5 * growth / whole)
+    return _Variation(*_dense(residual, problem, theta, nodes, scale), 0.5 * growth / whole)
+
+
+def _surface_nodes(shape: AbstractSurface) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    if isinstance(shape, QISurface):
+        return span_nodes(shape.basis_u, _NODES), span_nodes(shape.basis_v, _NODES)
+    (a, b), (c, d) = shape.domain
+    return _even_nodes(a, b, shape.dtype), _even_nodes(c, d, shape.dtype)
 
 
 def _even_nodes(a: Any, b: Any, dtype: Any) -> tuple[Array, Array]:
@@ -145,9 +151,8 @@ def _even_nodes(a: Any, b: Any, dtype: Any) -> tuple[Array, Array]:
     return span_nodes(BSplineBasis(jnp.concatenate([knots[:1], knots, knots[-1:]]), 1), _NODES)
 
 
-def _dense(residual: Any, theta: Array, nodes: Array, weights: Array) -> tuple[Array, Array, Array]:
-    both = lambda t, w: (residual(theta, t, w), jax.jacrev(residual)(theta, t, w))
-    values, jacobian = jax.vmap(both)(nodes, weights)
+def _dense(residual: Any, problem: Problem, theta: Array, nodes: Array, weights: Array) -> tuple[Array, Array, Array]:
+    values, jacobian = jax.vmap(derivatives_by_unknowns(problem, theta, residual))(nodes, weights)
     values, jacobian = values.reshape(-1), jacobian.reshape(-1, theta.size)
     return values @ values, values @ jacobian, jacobian.T @ jacobian
 

@@ -1,5 +1,6 @@
 """Normal equations, accumulated in chunks: the N × P matrix of derivatives never exists."""
 
+from collections.abc import Callable
 from functools import singledispatch
 from typing import Any, NamedTuple
 
@@ -7,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from .._prepared import prepare
 from ..basis import BSplineBasis
 from ..surface import BSplineSurface
 from ._problem import Linearised, Problem
@@ -36,8 +38,10 @@ def accumulate(
 ) -> tuple[Float[Array, "P"], Float[Array, "P P"]]:
     """Σ w Jᵀ(S − p) and Σ w JᵀRᵀRJ, J = ∂S/∂θ at the feet, R of `linearise`.
 
-    Any shape: rows of J by reverse mode, a chunk of points at a time.
+    Any shape, a chunk of points at a time.
     """
+    place = lambda member, *t: member.point(*t)
+    jacobian_at = derivatives_by_unknowns(problem, problem.unknowns(shape), place)
     theta = problem.unknowns(shape)
     count = parameters.shape[0]
     groups = -(-count // _GROUP)
@@ -45,12 +49,11 @@ def accumulate(
     grouped = lambda x: pad(x).reshape(groups, _GROUP, *x.shape[1:])
     counted = jnp.pad(weights, (0, groups * _GROUP - count)).reshape(groups, _GROUP)
 
-    def rows(t: Float[Array, "k"]) -> Float[Array, "d P"]:
-        return jax.jacrev(lambda x: problem.member(x).point(*t))(theta)
-
     def add(sums: tuple[Array, Array], chunk: Any) -> tuple[tuple[Array, Array], None]:
         t, offset, root, w = chunk
-        jacobian = jnp.sqrt(w)[:, None, None] * jnp.einsum("nab,nbp->nap", root, jax.vmap(rows)(t))
+        jacobian = jnp.sqrt(w)[:, None, None] * jnp.einsum(
+            "nab,nbp->nap", root, jax.vmap(lambda row: jacobian_at(*row)[1])(t)
+        )
         jacobian = jacobian.reshape(-1, theta.size)
         residual = (jnp.sqrt(w)[:, None] * offset).reshape(-1)
         return (sums[0] + residual @ jacobian, sums[1] + jacobian.T @ jacobian), None
@@ -58,6 +61,27 @@ def accumulate(
     zero = (jnp.zeros_like(theta), jnp.zeros((theta.size, theta.size), theta.dtype))
     chunks = (grouped(parameters), grouped(lines.offset), grouped(lines.root), counted)
     return jax.lax.scan(add, zero, chunks)[0]
+
+
+def derivatives_by_unknowns(
+    problem: Problem, theta: Float[Array, "P"], function: Callable[..., Float[Array, "d"]]
+) -> Callable[..., tuple[Float[Array, "d"], Float[Array, "d P"]]]:
+    """A function of `rows` that gives `function(member, *rows)` and its derivatives by θ.
+
+    A shape that has tables to build is derived with its tables, once, in forward mode; any other one row by row in reverse.
+    """
+    prepared_of = lambda x: prepare(problem.member(x))
+    prepared = prepared_of(theta)
+    if jax.tree.structure(prepared) == jax.tree.structure(problem.shape):
+        value = lambda x, *rows: function(problem.member(x), *rows)
+        return lambda *rows: (value(theta, *rows), jax.jacrev(value)(theta, *rows))
+    moving = jax.jacfwd(prepared_of)(theta)
+
+    def pushed(*rows: Any) -> tuple[Float[Array, "d"], Float[Array, "d P"]]:
+        value, push = jax.linearize(lambda member: function(member, *rows), prepared)
+        return value, jax.vmap(push, in_axes=-1, out_axes=-1)(moving)
+
+    return pushed
 
 
 @accumulate.register

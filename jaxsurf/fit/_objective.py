@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..query import refine_feet
+from ._background import background_terms
 from ._fairness import fairness_terms
 from ._normal_equations import accumulate
 from ._problem import Problem, linearise
@@ -34,6 +35,9 @@ def evaluate(
         for axis in range(d):
             blocks = blocks.at[:, axis, :, axis].add(scaled)
         matrix = blocks.reshape(matrix.shape)
+    background = background_terms(problem, theta)
+    if background is not None:
+        value, gradient, matrix = (a + b for a, b in zip((value, gradient, matrix), background, strict=True))
     if problem.fair:
         more_value, more_gradient, more_matrix = fairness_terms(shape, problem)
         value, gradient, matrix = value + more_value, gradient + more_gradient, matrix + more_matrix

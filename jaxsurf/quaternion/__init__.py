@@ -7,6 +7,7 @@ from ._algebra import (
     rotate as rotate,
 )
 from ._directions import (
+    angular_velocity as angular_velocity,
     blended_direction as blended_direction,
     blended_on_spans as blended_on_spans,
     turned as turned,

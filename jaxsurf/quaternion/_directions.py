@@ -14,7 +14,9 @@ from ._rotation import half_rotation, turn
 
 
 def turned(
-    direction: Float[Array, "*#batch 3"], halves: Sequence[Float[Array, "*#batch 3"]], shares: Sequence[Float[Array, "*#batch"]]
+    direction: Float[Array, "*#batch 3"],
+    halves: Sequence[Float[Array, "*#batch 3"]],
+    shares: Sequence[Float[Array, "*#batch"]],
 ) -> Float[Array, "*batch 3"]:
     """`direction` turned by the shares of half rotation vectors, the first one first."""
     for half, share in zip(halves, shares, strict=True):
@@ -37,6 +39,31 @@ def blended_direction(
     ones = (1,) * (directions.ndim - 2)
     steps = [take(halves, first - 1 + i) for i in range(basis.degree)]
     return turned(take(units, first - 1), steps, [share.reshape(ones) for share in shares])
+
+
+def angular_velocity(
+    basis: BSplineBasis, directions: Float[Array, "n 3"], t: Float[Array, ""]
+) -> tuple[Float[Array, "3"], Float[Array, "3"], Float[Array, "3"]]:
+    """The blended direction T, its angular velocity W and dW/dt, so that T' = W × T.
+
+    Turn by turn: with R the turn by B̃ about φ = 2ω, W becomes R W + B̃' φ, and W' becomes R W' + B̃'' φ + B̃' φ × R W.
+    """
+    units = unit(directions)
+    halves = half_rotation(units[:-1], units[1:])
+    once = lambda x: jnp.stack(cumulative_local(basis, x)[1])
+    twice = lambda x: jax.jvp(once, (x,), (jnp.ones_like(x),))
+    (shares, slopes), (_, bends) = jax.jvp(twice, (t,), (jnp.ones_like(t),))
+    first, _ = cumulative_local(basis, t)
+    direction = take(units, first - 1)
+    velocity, change = jnp.zeros_like(direction), jnp.zeros_like(direction)
+    for i in range(basis.degree):
+        half = take(halves, first - 1 + i)
+        step = shares[i] * half
+        direction, carried = turn(step, direction), turn(step, velocity)
+        added = 2 * slopes[i] * half
+        change = turn(step, change) + 2 * bends[i] * half + jnp.cross(added, carried)
+        velocity = carried + added
+    return direction, velocity, change
 
 
 def blended_on_spans(

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 CURVE_NODES = 10
 SURFACE_NODES = 16
-"""Gauss-Legendre nodes of a piece, per direction: fewer need more pieces, and so larger tables; more cost more per point."""
+"""Gauss-Legendre nodes of a piece, per direction: fewer need more pieces and so larger tables, more cost more per point."""
 
 
 def gauss_places(pieces: int, nodes: int) -> Float[np.ndarray, "q"]:
@@ -28,7 +28,7 @@ def power_matrix(nodes: int) -> Float[np.ndarray, "q q"]:
 
 @cache
 def integral_matrix(nodes: int) -> Float[np.ndarray, "r q"]:
-    """Values at the nodes of [−1, 1] to the coefficients, by power, of the integral from −1 of the polynomial through them."""
+    """Values at the nodes of [−1, 1] to the coefficients, by power, of their polynomial's integral from −1."""
     series = _legendre(nodes)
     raised = np.zeros((nodes + 1, nodes))
     raised[:2] += series[0]  # ∫ 1 = 1 + x
@@ -42,8 +42,8 @@ def integral_matrix(nodes: int) -> Float[np.ndarray, "r q"]:
 def pieces_per_span(degree: int, angle: float, tolerance: float, nodes: int) -> int:
     """Into how many equal pieces a span is cut so that polynomials through the nodes miss directions by `tolerance` at most.
 
-    angle: the largest between neighbouring control directions, radians. A direction is an entire function of the parameter z,
-    and no larger than exp Σ angle |Im B̃_i(z)|; by Bernstein's bound the polynomial is off by about 16 times that largest
+    angle: the largest between neighbouring control directions, radians. A direction is an entire function of the parameter
+    z, no larger than exp Σ angle |Im B̃_i(z)|; by Bernstein's bound the polynomial is off by about 16 times that largest
     value on an ellipse about the piece times ρ^−nodes / (ρ − 1), ρ the sum of the half axes, whichever ρ is best. B̃_i are
     those of a Bézier span, the wildest there are. Source: Trefethen, Approximation Theory and Approximation Practice, ch. 8.
     """

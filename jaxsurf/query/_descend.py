@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._array import eps
+from .._prepared import prepare
 from ._newton import Box, local_frame, parameter_box, step
 
 _LANES = 1024  # searches that run side by side
@@ -52,6 +53,7 @@ def descend(
     gradient is rounding noise. Searches take 4 to 6 turns on average and up to 60: a lane that is done takes
     up the next search, since in fixed batches the slowest made all wait (5 to 9 times the average). No derivatives.
     """
+    shape = prepare(shape)
     searches = chosen.size
     owners = chosen.shape[1]
     lanes = min(searches, _LANES)

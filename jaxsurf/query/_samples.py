@@ -7,17 +7,20 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..basis import BSplineBasis
-from ..curve import AbstractCurve, BSplineCurve, Circle, NURBSCurve
+from ..curve import AbstractCurve, BSplineCurve, Circle, NURBSCurve, QICurve
+from ..curve._quaternion_integral import PreparedQICurve
 from ..surface import (
     AbstractSurface,
     BSplineSurface,
     Cone,
     Cylinder,
     NURBSSurface,
+    QISurface,
     Sphere,
     Torus,
     TrimmedSurface,
 )
+from ..surface._quaternion_integral import PreparedQISurface, TranslatedSpine
 
 _DEFAULT_COUNT = 49
 
@@ -49,6 +52,27 @@ def _(shape: Any) -> tuple[Float[Array, "_"], ...]:
 @sample_parameters.register(NURBSSurface)
 def _(shape: Any) -> tuple[Float[Array, "_"], ...]:
     return _in_spans(shape.basis_u, 4, 12), _in_spans(shape.basis_v, 4, 12)
+
+
+@sample_parameters.register
+def _(shape: QICurve) -> tuple[Float[Array, "_"], ...]:
+    return (_in_spans(shape.basis, 6, 24),)
+
+
+@sample_parameters.register
+def _(shape: QISurface) -> tuple[Float[Array, "_"], ...]:
+    return _in_spans(shape.basis_u, 4, 12), _in_spans(shape.basis_v, 4, 12)
+
+
+@sample_parameters.register
+def _(shape: PreparedQICurve) -> tuple[Float[Array, "_"], ...]:
+    return sample_parameters(shape.curve)
+
+
+@sample_parameters.register(PreparedQISurface)
+@sample_parameters.register(TranslatedSpine)
+def _(shape: Any) -> tuple[Float[Array, "_"], ...]:
+    return sample_parameters(shape.surface)
 
 
 @sample_parameters.register

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .. import _safe
+from .._prepared import prepare
 from ..curve import AbstractCurve
 from ._cells import Cells, boxes, cut_into_cells, distances
 from ._samples import periodic_directions, sample_parameters
@@ -20,6 +21,7 @@ _FAR = 300.0  # sizes of the shape; points further away are looked at from there
 
 def sample_points(shape: Any) -> tuple[tuple[Float[Array, "_"], ...], Float[Array, "n m d"]]:
     """Parameters in each direction, and the points of a shape there; those of a curve are one row."""
+    shape = prepare(shape)
     axes = sample_parameters(shape)
     points = shape(*axes)[None] if isinstance(shape, AbstractCurve) else shape.grid_points(*axes)
     return axes, jax.lax.stop_gradient(points)

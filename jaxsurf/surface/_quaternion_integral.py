@@ -1,5 +1,6 @@
 """Quaternion integral surfaces: shaped by the directions of their u-lines, along an initial curve."""
 
+import math
 from typing import Any
 
 import equinox as eqx
@@ -8,13 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._array import Numbers, as_float, concrete, eps, is_concrete, take
+from .._arguments import as_vector
+from .._array import Numbers, as_float, concrete, eps, is_concrete
 from .._errors import InputError
 from .._registry import register
-from .._safe import unit
+from .._safe import norm, unit
 from ..basis import BSplineBasis, check_knots, clamped_knots
 from ..curve import QICurve, combine
-from ..curve._quaternion_integral import place_in_piece
+from ..curve._quaternion_integral import horner, place_in_piece
 from ..quaternion import blended_direction, blended_on_spans
 from ..quaternion._control import angle_to_blend, as_tolerance, check_directions, largest_angle, ready_angle
 from ..quaternion._pieces import SURFACE_NODES as NODES, gauss_places, integral_matrix, pieces_per_span, power_matrix
@@ -26,7 +28,7 @@ _PATHS = ("spine first", "u first")
 
 @register
 class QISurface(AbstractSurface):
-    """S(u, v) = spine(v) + l(v) / (b − a) ∫ₐᵘ T(·, v), the unit quaternion integral surface with tangents T along u.
+    """S(u, v) = spine(v) + l(v) / (b − a) ∫ₐᵘ T(·, v), the unit quaternion integral surface.
 
     T(u, v): control tangents of row i are blended along v to t_i(v), as the tangent of a `QICurve` is, and those along u.
     spine: the initial curve u = a, with the domain of v; tangents: (n, m, 3), of any length > 0, kept as unit vectors;
@@ -92,6 +94,29 @@ class QISurface(AbstractSurface):
         self.angle_u, self.angle_v = map(float, angles)
         self.tolerance = as_tolerance(tolerance, dtype)
 
+    @classmethod
+    def plane(
+        cls, corner: Numbers, side_u: Numbers, side_v: Numbers, shape: tuple[int, int] = (3, 3), degree: int = 2
+    ) -> "QISurface":
+        """The flat parallelogram with sides `side_u`, `side_v`, (3,), from `corner`, `shape` control tangents and as many
+        of the initial curve: what a modeller begins with."""
+        corner = as_vector(corner, "corner")
+        along_u, along_v = (as_vector(side, name, corner.dtype) for side, name in ((side_u, "side_u"), (side_v, "side_v")))
+        spine = QICurve.line(corner, corner + along_v, shape[1], degree)
+        tangents = jnp.broadcast_to(along_u, (*shape, 3))
+        return cls(spine, tangents, jnp.full(shape[1], norm(along_u)), degree, degree)
+
+    def replace(self, **changes: Any) -> "QISurface":
+        """The surface with other control data, by their names in the constructor; checked, and made ready anew."""
+        return QISurface(**{**self._data(), **changes})
+
+    def renewed(self) -> "QISurface":
+        return self.replace(spine=self.spine.renewed()) if is_concrete(self) else self
+
+    def _data(self) -> dict[str, Any]:
+        names = ("spine", "tangents", "lengths", "degree_u", "degree_v", "knots_u", "knots_v", "path", "tolerance")
+        return {name: getattr(self, name) for name in names}
+
     @property
     def basis_u(self) -> BSplineBasis:
         """The basis functions that blend tangents along u."""
@@ -114,7 +139,9 @@ class QISurface(AbstractSurface):
     @property
     def pieces_v(self) -> int:
         """How many polynomials stand for a span along v."""
-        return pieces_per_span(self.degree_v, self.angle_v, self.tolerance, NODES)
+        # half way between directions a and b that are θ apart |a + b| = 2 cos(θ/2): there a change of either turns the most
+        steeper = 1 / max(math.cos(self.angle_u / 2), 0.1)
+        return pieces_per_span(self.degree_v, self.angle_v * steeper, self.tolerance, NODES)
 
     def length(self, v: Float[Array, ""]) -> Float[Array, ""]:
         """The length l(v) of the u-line at one parameter, inside traced code."""
@@ -135,8 +162,8 @@ class QISurface(AbstractSurface):
             first = self.domain[1][0]
             rows = blended_direction(self.basis_v, jnp.swapaxes(self.tangents, 0, 1), first)
             edge = self._line(jnp.zeros(3, self.dtype), self.length(first), rows)
-            return _Translated(self, self.spine.prepared(), edge.prepared())
-        return _PreparedQISurface(self, self.spine.prepared(), self._integral_rows())
+            return TranslatedSpine(self, self.spine.prepared(), edge.prepared())
+        return PreparedQISurface(self, self.spine.prepared(), self._integral_rows())
 
     def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
         return self.prepared().point(u, v)
@@ -174,7 +201,7 @@ class QISurface(AbstractSurface):
         return directions.reshape(-1, NODES, rows.shape[1] // NODES, NODES, 3)
 
 
-class _PreparedQISurface(AbstractSurface):
+class PreparedQISurface(AbstractSurface):
     """A `QISurface` with the rows of `_integral_rows`."""
 
     surface: QISurface
@@ -185,24 +212,40 @@ class _PreparedQISurface(AbstractSurface):
     def domain(self) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
         return self.surface.domain
 
-    def prepared(self) -> "_PreparedQISurface":
+    def prepared(self) -> "PreparedQISurface":
         return self
 
     def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
+        return self.spine.point(v) + self.surface.length(v) * self._integrals(u, v, 0)[0, 0]
+
+    def derivatives(self, u: Float[Array, ""], v: Float[Array, ""], order: int) -> dict[tuple[int, int], Float[Array, "3"]]:
+        """The point and all derivatives (i, j), i + j ≤ `order`, of the polynomials."""
+        integrals, spine = self._integrals(u, v, order), self.spine.derivatives(v, order)
+        lengths = [self.surface.length]
+        for _ in range(order):
+            lengths.append(lambda t, f=lengths[-1]: jax.jvp(f, (t,), (jnp.ones_like(t),))[1])
+        lengths = [f(v) for f in lengths]
+        found = {}
+        for i, j in integrals:
+            product = sum(math.comb(j, b) * lengths[b] * integrals[i, j - b] for b in range(j + 1))
+            found[i, j] = product if i else spine[j] + product
+        return found
+
+    def _integrals(self, u: Float[Array, ""], v: Float[Array, ""], order: int) -> dict[tuple[int, int], Float[Array, "3"]]:
+        """∫ T / (b − a) and its derivatives."""
         surface = self.surface
-        piece_u, place_u = place_in_piece(surface.basis_u, surface.pieces_u, u)
-        piece_v, place_v = place_in_piece(surface.basis_v, surface.pieces_v, v)
-        row = (piece_u * self._pieces_along_v() + piece_v) * (NODES + 1)
-        by_v = take(self.rows, row + NODES)
-        for power in range(NODES - 1, -1, -1):
-            by_v = by_v * place_u + take(self.rows, row + power)
-        total = _by_power(by_v, place_v)
-        return self.spine.point(v) + surface.length(v) * total
+        piece_u, place_u, slope_u = place_in_piece(surface.basis_u, surface.pieces_u, u)
+        piece_v, place_v, slope_v = place_in_piece(surface.basis_v, surface.pieces_v, v)
+        first = (piece_u * self._pieces_along_v() + piece_v) * (NODES + 1)
+        none = jnp.zeros((), jnp.int32)
+        along_u = horner(self.rows, first, NODES + 1, place_u, slope_u, order)
+        along_v = [horner(a.reshape(NODES, 3), none, NODES, place_v, slope_v, order - i) for i, a in enumerate(along_u)]
+        return {(i, j): along_v[i][j] for i in range(order + 1) for j in range(order + 1 - i)}
 
     def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
         surface = self.surface
-        piece_u, place_u = jax.vmap(lambda t: place_in_piece(surface.basis_u, surface.pieces_u, t))(u)
-        piece_v, place_v = jax.vmap(lambda t: place_in_piece(surface.basis_v, surface.pieces_v, t))(v)
+        piece_u, place_u, _ = jax.vmap(lambda t: place_in_piece(surface.basis_u, surface.pieces_u, t))(u)
+        piece_v, place_v, _ = jax.vmap(lambda t: place_in_piece(surface.basis_v, surface.pieces_v, t))(v)
         powers = self.rows.reshape(-1, self._pieces_along_v(), NODES + 1, NODES, 3)[:, piece_v]
         columns = powers[:, :, :, -1]  # (pieces along u, k, power of u, 3)
         for power in range(NODES - 2, -1, -1):
@@ -219,7 +262,7 @@ class _PreparedQISurface(AbstractSurface):
         return (surface.tangents.shape[1] - surface.degree_v) * surface.pieces_v
 
 
-class _Translated(AbstractSurface):
+class TranslatedSpine(AbstractSurface):
     """A `QISurface` of the path "u first", with its two curves prepared."""
 
     surface: QISurface
@@ -230,7 +273,7 @@ class _Translated(AbstractSurface):
     def domain(self) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
         return self.surface.domain
 
-    def prepared(self) -> "_Translated":
+    def prepared(self) -> "TranslatedSpine":
         return self
 
     def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
@@ -248,19 +291,10 @@ def _(shape: QISurface) -> tuple[Any, Any]:
     return knot_breaks(shape.basis_u), jnp.sort(jnp.concatenate([jnp.asarray(own), jnp.asarray(spine)]))
 
 
-@breaks.register(_PreparedQISurface)
-@breaks.register(_Translated)
+@breaks.register(PreparedQISurface)
+@breaks.register(TranslatedSpine)
 def _(shape: Any) -> tuple[Any, Any]:
     return breaks(shape.surface)
-
-
-def _by_power(rows: Float[Array, "w"], place: Float[Array, ""]) -> Float[Array, "3"]:
-    """Σ_k place^k rows[3k : 3k + 3]."""
-    parts = rows.reshape(NODES, 3)
-    total = parts[-1]
-    for power in range(NODES - 2, -1, -1):
-        total = total * place + parts[power]
-    return total
 
 
 def _positive(lengths: Array, count: int) -> Array:
