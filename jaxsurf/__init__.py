@@ -9,7 +9,13 @@ from .basis import (
     periodic_knots as periodic_knots,
     uniform_knots as uniform_knots,
 )
-from .convert import Conversion as Conversion, interpolate as interpolate, to_bspline as to_bspline
+from .convert import (
+    Conversion as Conversion,
+    insert_tangent as insert_tangent,
+    interpolate as interpolate,
+    to_bspline as to_bspline,
+    to_qi as to_qi,
+)
 from .curve import (
     AbstractCurve as AbstractCurve,
     Arc as Arc,

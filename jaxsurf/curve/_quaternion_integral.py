@@ -79,7 +79,10 @@ class QICurve(AbstractCurve):
 
     def replace(self, **changes: Any) -> "QICurve":
         """The curve with other control data, by their names in the constructor; checked, and made ready anew."""
-        return QICurve(**{**self._data(), **changes})
+        data = {**self._data(), **changes}
+        if not is_concrete(data["tangents"]):
+            data.setdefault("angle", self.angle)
+        return QICurve(**data)
 
     def renewed(self) -> "QICurve":
         return self.replace() if is_concrete(self) else self
@@ -114,7 +117,7 @@ class QICurve(AbstractCurve):
 
     def tangent(self, u: Numbers) -> Float[Array, "*batch 3"]:
         """Unit tangents at parameters of any shape, in closed form."""
-        return map_points(QICurve.direction, self, as_float(u, self.dtype))
+        return map_points(_tangent_at, self, as_float(u, self.dtype))
 
     def curvature(self, u: Numbers) -> Float[Array, "*batch"]:
         """Curvature at parameters of any shape, in closed form: |W − ⟨W, T⟩T| / length, W the angular velocity."""
@@ -190,12 +193,18 @@ def _(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Array
     return point, slope
 
 
-def _curvature_at(curve: QICurve, u: Float[Array, ""]) -> Float[Array, ""]:
+def _tangent_at(prepared: PreparedQICurve, u: Float[Array, ""]) -> Float[Array, "3"]:
+    return prepared.curve.direction(u)
+
+
+def _curvature_at(prepared: PreparedQICurve, u: Float[Array, ""]) -> Float[Array, ""]:
+    curve = prepared.curve
     direction, velocity, _ = angular_velocity(curve.basis, curve.tangents, u)
     return norm(jnp.cross(direction, velocity)) / curve.speed
 
 
-def _torsion_at(curve: QICurve, u: Float[Array, ""]) -> Float[Array, ""]:
+def _torsion_at(prepared: PreparedQICurve, u: Float[Array, ""]) -> Float[Array, ""]:
+    curve = prepared.curve
     direction, velocity, change = angular_velocity(curve.basis, curve.tangents, u)
     across = jnp.cross(direction, velocity)
     turning = divide(direction @ jnp.cross(velocity, change), across @ across)

@@ -1,3 +1,4 @@
+from . import _quaternion_integral as _quaternion_integral  # its rules
 from ._mapped import MappedCurve as MappedCurve, MappedSurface as MappedSurface
 from ._parameters import (
     reparametrise as reparametrise,

@@ -1,5 +1,7 @@
 """How far two tangent fields of a surface are from fitting together."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -40,8 +42,8 @@ def _along(surface: QISurface, u: Float[Array, "*batch"], v: Float[Array, "*batc
     return integrated(u, v) - surface.spine(v)
 
 
-def _density(fields: tuple[QISurface, QISurface | None], u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
-    surface, across = fields
+def _density(fields: tuple[Any, Any], u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
+    surface, across = (None if field is None else field.surface for field in fields)  # as they were before they were prepared
     change = jax.jvp(lambda t: _field(surface, u, t), (v,), (jnp.ones_like(v),))[1]
     if across is None:
         return change

@@ -108,7 +108,10 @@ class QISurface(AbstractSurface):
 
     def replace(self, **changes: Any) -> "QISurface":
         """The surface with other control data, by their names in the constructor; checked, and made ready anew."""
-        return QISurface(**{**self._data(), **changes})
+        data = {**self._data(), **changes}
+        if not is_concrete(data["tangents"]):
+            data.setdefault("angles", (self.angle_u, self.angle_v))
+        return QISurface(**data)
 
     def renewed(self) -> "QISurface":
         return self.replace(spine=self.spine.renewed()) if is_concrete(self) else self
