@@ -23,7 +23,8 @@ FLOORS = (
     ("audit", "machining"),
     ("fit",),
     ("optimise", "studio", "view"),
-    ("report", "gallery"),
+    ("report",),
+    ("gallery",),
     ("cli",),
     ("the package's own files",),
 )

@@ -41,6 +41,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"jaxsurf {version('jaxsurf')}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _add_fit(commands.add_parser("fit", help="fit a CAD surface to a measured point cloud", description=_FIT))
+    gallery = commands.add_parser(
+        "gallery", help="rebuild the figures of the papers and measure them", description="Pages with pictures and figures."
+    )
+    gallery.add_argument("names", nargs="*", help="which pages (default: all)")
+    gallery.add_argument("-o", "--output", default="gallery", metavar="FOLDER", help="where to write (default ./gallery)")
+    gallery.set_defaults(run=_gallery)
     bench = commands.add_parser("bench", help="run the benchmarks of a checkout and print their tables")
     bench.add_argument("names", nargs="*", help="which ones (default: all)")
     bench.set_defaults(run=_bench)
@@ -195,6 +201,21 @@ def keep_compilations() -> None:
         jax.config.update("jax_compilation_cache_dir", str(folder))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
         jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
+
+
+def _gallery(options: argparse.Namespace) -> int:
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    keep_compilations()
+    from ..gallery import names, write_page
+
+    for name in options.names:
+        if name not in names():
+            raise InputError(f"There is no gallery page {name!r}; there are {', '.join(names())}.")
+    for name in options.names or names():
+        print("wrote " + ", ".join(str(path) for path in write_page(options.output, name)))
+    return 0
 
 
 def _bench(options: argparse.Namespace) -> int:
