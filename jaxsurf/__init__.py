@@ -13,6 +13,7 @@ from .convert import (
     Conversion as Conversion,
     insert_tangent as insert_tangent,
     interpolate as interpolate,
+    interpolate_qi as interpolate_qi,
     to_bspline as to_bspline,
     to_qi as to_qi,
 )
