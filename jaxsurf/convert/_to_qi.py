@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from .._array import Numbers, as_float, concrete, eps, is_concrete
 from .._errors import InputError
-from .._safe import unit
+from .._safe import norm, unit
 from ..basis import check_knots, clamped_knots, greville, refinement_matrix
 from ..curve import AbstractCurve, QICurve
 from ..differential import arc_length, parameter_at_length
@@ -50,7 +50,7 @@ def to_qi(curve: AbstractCurve, count: int, *, degree: int = 3, knots: Numbers |
     start = QICurve(curve(first), whole, directions, degree, knots)
     where, check = _places(knots, degree, count)
     found = _fitted(start, (where,), curve(at(where)))
-    error = jnp.max(jnp.linalg.norm(found(check) - curve(at(check)), axis=-1))
+    error = jnp.max(norm(found(check) - curve(at(check))))
     return Conversion(found, error)
 
 
@@ -83,7 +83,7 @@ def insert_tangent(shape: QICurve | QISurface, at: Numbers, direction: str | Non
     else:
         raise InputError(f"`shape` must be a `QICurve` or a `QISurface`, got {type(shape).__name__}.")
     found = finer if exact else _fitted(finer, places, shape(*places), tangents_only=True)
-    return Conversion(found, jnp.max(jnp.linalg.norm(found(*checks) - shape(*checks), axis=-1)))
+    return Conversion(found, jnp.max(norm(found(*checks) - shape(*checks))))
 
 
 def _finer_surface(shape: QISurface, at: Numbers, direction: str) -> tuple[QISurface, bool]:
@@ -98,7 +98,7 @@ def _finer_surface(shape: QISurface, at: Numbers, direction: str) -> tuple[QISur
 
 
 def _inserted(knots: Float[Array, "k"], degree: int, at: Numbers) -> tuple[Float[Array, "k1"], Float[Array, "n1 n"]]:
-    values, place = concrete(knots), float(at)
+    values, place = concrete(knots), float(concrete(as_float(at, knots.dtype)))
     a, b = float(values[degree]), float(values[-degree - 1])
     if not a < place < b:
         raise InputError(f"`at` must lie inside the domain ({a:g}, {b:g}), got {place:g}.")
@@ -128,7 +128,7 @@ def _fitted(start: Any, places: tuple[np.ndarray, ...], wanted: Array, *, tangen
     """The shape of least squared distances to points at known parameters."""
     size = float(np.max(np.ptp(concrete(wanted).reshape(-1, 3), axis=0)))
     which = lambda s: [s.tangents] if tangents_only else [s.tangents, s.length, s.start]
-    
+
     def residual(changes: list[Array], known: Any) -> list[Array]:
         shape, places, wanted = known
         bent = _moved(shape, which, changes, size)

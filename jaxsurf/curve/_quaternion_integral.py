@@ -24,7 +24,7 @@ from ._breaks import breaks, knot_breaks
 
 @register
 class QICurve(AbstractCurve):
-    """C(u) = start + length / (b − a) ∫ₐᵘ q v₀ q⁻¹, the unit quaternion integral curve, with a spline of directions as tangent.
+    """C(u) = start + length / (b − a) ∫ₐᵘ q v₀ q⁻¹, a unit quaternion integral curve: its tangent is a spline of directions.
 
     q(u) = exp(ω_n B̃_n(u)) … exp(ω_1 B̃_1(u)) q_0 turns the fixed direction v₀ through the control tangents, ω_i from number
     i − 1 to number i. The speed is constant: a part has the length length (u − a) / (b − a). With clamped knots

@@ -56,7 +56,8 @@ def _(shape: BSplineSurface, parameters: tuple[Float[Array, ""], ...], order: in
 
 @jet.register
 def _(shape: PreparedQISurface, parameters: tuple[Float[Array, ""], ...], order: int) -> dict:
-    return shape.derivatives(*parameters, order)
+    u, v = parameters
+    return shape.derivatives(u, v, order)
 
 
 def _by_forward_mode(shape: Any, parameters: tuple[Float[Array, ""], ...], indices: list[tuple[int, ...]]) -> dict:

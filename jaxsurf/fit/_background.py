@@ -16,7 +16,7 @@ _HOLD = 0.1  # how firmly control tangents keep the length that means nothing
 
 
 @singledispatch
-def turning(shape: Any) -> tuple[Float[Array, "r"], Float[Array, "s"]] | None:
+def turning(shape: Any) -> Any:
     """Rows whose sum of squares grows as a shape bends, and rows that only fix numbers without meaning; neither has a unit.
 
     None for shapes that need no background.

@@ -119,7 +119,7 @@ def fit(
                 break
             # bent further than it was made ready for: once more from here
             shape, problem = renewed, eqx.tree_at(lambda p: p.shape, problem, renewed)
-        if found.stopped:
+        if found is not None and found.stopped:
             break
     foot = foot_at(shape, points, feet)
     assert found is not None

@@ -107,8 +107,8 @@ def qi_plane(points: Numbers, shape: tuple[int, int] = (3, 3), degree: int = 2) 
         low, high = (flat @ turn.T).min(axis=0), (flat @ turn.T).max(axis=0)
     directions = turn @ axes[:2]
     corner = centre + low @ directions
-    sides = [jnp.asarray((high - low)[k] * directions[k], points.dtype) for k in (0, 1)]
-    plane = QISurface.plane(jnp.asarray(corner, points.dtype), *sides, shape, degree)
+    along_u, along_v = jnp.asarray((high - low)[:, None] * directions, points.dtype)
+    plane = QISurface.plane(jnp.asarray(corner, points.dtype), along_u, along_v, shape, degree)
     return plane.replace(spine=plane.spine.replace(angle=_READY), angles=(_READY, _READY))
 
 

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._safe import norm
 from ..basis import greville
 from ..curve import Line, QICurve
 from ..report import Table
@@ -94,10 +95,10 @@ def _measured(surface: QISurface) -> list[float]:
     (a, b), (c, d) = surface.domain
     share = np.linspace(0, 1, _PLACES)
     u, v = (x.ravel() for x in np.meshgrid(a + (b - a) * share, c + (d - c) * share, indexing="ij"))
-    speed = jnp.linalg.norm(surface.derivative(u, v), axis=-1)
+    speed = norm(surface.derivative(u, v))
     lengths = jax.vmap(surface.length)(jnp.asarray(v)) / (b - a)
-    edge = jnp.linalg.norm(surface(jnp.full_like(v, a), v) - surface.spine(v), axis=-1)
-    gap = jnp.linalg.norm(closure_gap(surface, u, v), axis=-1)
+    edge = norm(surface(jnp.full_like(v, a), v) - surface.spine(v))
+    gap = norm(closure_gap(surface, u, v))
     return [_largest(jnp.abs(speed - lengths)), _largest(edge), _largest(gap), float(jnp.mean(lengths))]
 
 

@@ -89,7 +89,8 @@ def _shares_on_spans(basis: BSplineBasis, places: Float[np.ndarray, "q"]) -> Flo
     """The cumulative functions that are neither 0 nor 1 on a span, at the same places in every span."""
     p, knots = basis.degree, basis.knots
     _, _, coefficients = span_polynomials(knots, p)
-    values = sum(coefficients[k][:, :, None] * jnp.asarray(places**k, knots.dtype)[None, None] for k in range(p + 1))
+    powers = jnp.asarray(np.vander(places, p + 1, increasing=True), knots.dtype)
+    values = jnp.einsum("ksi,qk->siq", jnp.stack(coefficients), powers, precision="highest")
     shares = jnp.cumsum(values[:, :0:-1], axis=1)[:, ::-1]
     spans = shares.shape[0]
     starts, ends = knots[p : p + spans], knots[p + 1 : p + 1 + spans]

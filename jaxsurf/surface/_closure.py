@@ -11,7 +11,7 @@ from .._errors import InputError
 from ._quaternion_integral import QISurface
 
 
-def closure_density(surface: QISurface, u: Numbers, v: Numbers, *, across: QISurface | None = None) -> Float[Array, "*batch 3"]:
+def closure_density(surface: Any, u: Numbers, v: Numbers, *, across: Any = None) -> Float[Array, "*batch 3"]:
     """G = ∂A/∂v − ∂B/∂u of the fields A along u and B along v, at parameters that are broadcast; 0 where they fit together.
 
     A = l(v) / (b − a) T of `surface`. B is the derivative of its initial curve, for all u, or, of a second QI surface
@@ -22,7 +22,7 @@ def closure_density(surface: QISurface, u: Numbers, v: Numbers, *, across: QISur
     return map_points(_density, (surface, across), as_float(u, surface.dtype), as_float(v, surface.dtype))
 
 
-def closure_gap(surface: QISurface, u: Numbers, v: Numbers, *, across: QISurface | None = None) -> Float[Array, "*batch 3"]:
+def closure_gap(surface: Any, u: Numbers, v: Numbers, *, across: Any = None) -> Float[Array, "*batch 3"]:
     """∬ G from the first corner to (u, v): what integration along v first and then u has more than u first and then v.
 
     Fields as in `closure_density`; without `across` it is the difference of `path="spine first"` and `path="u first"`. It
@@ -43,7 +43,8 @@ def _along(surface: QISurface, u: Float[Array, "*batch"], v: Float[Array, "*batc
 
 
 def _density(fields: tuple[Any, Any], u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
-    surface, across = (None if field is None else field.surface for field in fields)  # as they were before they were prepared
+    surface, across = (None if field is None else field.surface for field in fields)  # as before they were prepared
+    assert surface is not None
     change = jax.jvp(lambda t: _field(surface, u, t), (v,), (jnp.ones_like(v),))[1]
     if across is None:
         return change
@@ -55,7 +56,7 @@ def _field(surface: QISurface, u: Float[Array, ""], v: Float[Array, ""]) -> Floa
     return surface.length(v) / (b - a) * surface.direction(u, v)
 
 
-def _check(surface: QISurface, across: QISurface | None) -> None:
+def _check(surface: Any, across: Any) -> None:
     for name, shape in (("surface", surface), ("across", across)):
         if shape is not None and not isinstance(shape, QISurface):
             raise InputError(f"`{name}` must be a `QISurface`, got {type(shape).__name__}.")

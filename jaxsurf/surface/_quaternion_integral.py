@@ -1,6 +1,7 @@
 """Quaternion integral surfaces: shaped by the directions of their u-lines, along an initial curve."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -39,8 +40,8 @@ class QISurface(AbstractSurface):
     surface: "spine first", the paper's, along the initial curve and then along u; "u first" along u at the first v and then
     along v, with the initial curve's tangents for all u: the edge moved along the spine. `closure_gap` is their difference.
 
-    tolerance and angles, those between neighbours along u and along v: as for `QICurve`. Raises `InputError` as that does, and
-    where rows become opposite between control tangents. Source: Sakiyama, Miura, Kaneko (paper 004), (6)-(8).
+    tolerance and angles, those between neighbours along u and along v: as for `QICurve`. Raises `InputError` as that does,
+    and where rows become opposite between control tangents. Source: Sakiyama, Miura, Kaneko (paper 004), (6)-(8).
     """
 
     spine: QICurve
@@ -89,8 +90,10 @@ class QISurface(AbstractSurface):
         across = jnp.swapaxes(directions, 0, 1)
         check_directions(across, "tangents", ("m", "n", "3"))
         if angles is None:
-            angles = angle_to_blend(self.basis_v, across, "tangents"), largest_angle(across)
-            angles = tuple(map(ready_angle, angles))
+            angles = (
+                ready_angle(angle_to_blend(self.basis_v, across, "tangents")),
+                ready_angle(largest_angle(across)),
+            )
         self.angle_u, self.angle_v = map(float, angles)
         self.tolerance = as_tolerance(tolerance, dtype)
 
@@ -224,10 +227,7 @@ class PreparedQISurface(AbstractSurface):
     def derivatives(self, u: Float[Array, ""], v: Float[Array, ""], order: int) -> dict[tuple[int, int], Float[Array, "3"]]:
         """The point and all derivatives (i, j), i + j ≤ `order`, of the polynomials."""
         integrals, spine = self._integrals(u, v, order), self.spine.derivatives(v, order)
-        lengths = [self.surface.length]
-        for _ in range(order):
-            lengths.append(lambda t, f=lengths[-1]: jax.jvp(f, (t,), (jnp.ones_like(t),))[1])
-        lengths = [f(v) for f in lengths]
+        lengths = _derivatives(self.surface.length, v, order)
         found = {}
         for i, j in integrals:
             product = sum(math.comb(j, b) * lengths[b] * integrals[i, j - b] for b in range(j + 1))
@@ -284,6 +284,12 @@ class TranslatedSpine(AbstractSurface):
 
     def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
         return jax.vmap(self.spine.point)(v)[None] + jax.vmap(self.edge.point)(u)[:, None]
+
+
+def _derivatives(f: Callable[[Array], Array], t: Float[Array, ""], order: int) -> list[Float[Array, ""]]:
+    """f and its derivatives up to `order`."""
+    slope = lambda x: jax.jvp(f, (x,), (jnp.ones_like(x),))[1]
+    return [f(t), *(_derivatives(slope, t, order - 1) if order else [])]
 
 
 @breaks.register(QISurface)

@@ -1,0 +1,62 @@
+"""The gallery makes its pages, and what it measures holds."""
+
+import numpy as np
+import pytest
+
+import jaxsurf as js
+from jaxsurf.cli import main
+from jaxsurf.gallery import names, page
+
+
+@pytest.fixture(scope="module")
+def quaternion_integrals():
+    return page("quaternion-integrals")
+
+
+def test_figure_2_has_five_surfaces_that_keep_their_promises(quaternion_integrals):
+    (table,) = quaternion_integrals.measured
+    assert [row[0] for row in table.rows] == list("abcde")
+    assert [row[1] for row in table.rows] == ["3 and 3 × 3"] * 4 + ["4 and 4 × 4"]
+    for row in table.rows:
+        speed_off, edge_off, gap, length = row[2:]
+        assert speed_off < 1e-11 * length and edge_off < 1e-13 * length
+    gaps = [row[4] for row in table.rows]
+    assert gaps[0] < 1e-12 and gaps[2] < 1e-12  # a and c have equal columns: translation surfaces
+    assert gaps[3] > 0.1 and gaps[4] > 0.01
+
+
+def test_figure_2_differs_where_the_paper_says(quaternion_integrals):
+    a, b, c, d, e = (quaternion_integrals.shapes[letter] for letter in "abcde")
+    bend = lambda surface: float(surface.spine(0.5)[2] - (surface.spine(0.0)[2] + surface.spine(1.0)[2]) / 2)
+    assert bend(c) > 0.1 and bend(b) == bend(c) and bend(a) < -0.1 and bend(d) == bend(a)
+    np.testing.assert_array_equal(np.asarray(b.tangents)[:2], np.asarray(c.tangents)[:2])
+    assert np.abs(np.asarray(b.tangents - c.tangents))[2].max() > 0.5
+    assert e.tangents.shape == (4, 4, 3) and e.spine.tangents.shape == (4, 3)
+
+
+def test_pictures_show_different_surfaces(quaternion_integrals):
+    pictures = [pixels for _, _, pixels in quaternion_integrals.pictures]
+    assert all(p.shape == pictures[0].shape and p.std() > 10 for p in pictures)
+    for i, one in enumerate(pictures):
+        for other in pictures[:i]:
+            assert np.mean(np.abs(one.astype(float) - other)) > 1
+
+
+def test_the_command_line_writes_pages(tmp_path, capsys):
+    assert main(["gallery", "quaternion-integrals", "-o", str(tmp_path / "out")]) == 0
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert written == {"quaternion-integrals.html", *(f"quaternion-integrals-{letter}.png" for letter in "abcde")}
+    assert "quaternion-integrals.html" in capsys.readouterr().out
+    text = (tmp_path / "out" / "quaternion-integrals.html").read_text()
+    assert text.count("data:image/png") == 5 and "3 and 3 × 3" in text
+
+
+def test_unknown_pages_and_folders_that_cannot_be_made(tmp_path, capsys):
+    assert main(["gallery", "cubism", "-o", str(tmp_path)]) == 2
+    assert "quaternion-integrals" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "file").write_text("")
+    with pytest.raises(js.InputError, match="Cannot make the folder"):
+        from jaxsurf.gallery import write_page
+
+        write_page(tmp_path / "file" / "under", names()[0])
