@@ -14,7 +14,7 @@ class Preparable(eqx.Module):
         return jax.tree.map(_prepare_leaf, self, is_leaf=lambda node: node is not self and isinstance(node, Preparable))
 
     def renewed(self) -> Any:
-        """The same shape, made ready for its present control data where it was made ready for other ones."""
+        """The same shape, made ready for its present control data too: it may have bent further than it was ready for."""
         return self
 
 

@@ -4,7 +4,9 @@ Each docstring states the value and the gradient at the singular place.
 """
 
 import math
+from functools import partial
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -42,18 +44,29 @@ def angle(a: Float[Array, "... 3"], b: Float[Array, "... 3"]) -> Float[Array, ".
     return arctan2(norm(jnp.cross(a, b)), jnp.sum(a * b, axis=-1))
 
 
-def sinc_of_square(x: Float[Array, "..."]) -> Float[Array, "..."]:
-    """sin(√x) / √x for x ≥ 0, an entire function of x: by its series for x < 1, so that every derivative at 0 is right."""
-    small, series, root = _small_square(x)
-    return jnp.where(
-        small, _horner(series, [(-1) ** k / math.factorial(2 * k + 1) for k in range(11)]), jnp.sin(root) / root
-    )
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def stumpff(k: int, x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """c_k(x) = Σ_j (−x)ʲ / (2j + k)! for x ≥ 0, entire functions; every derivative at 0 is right.
+
+    c₀ = cos √x, c₁ = sin(√x) / √x, c₂ = (1 − cos √x) / x and so on, by the series for x < 1. Source: Stumpff,
+    Himmelsmechanik I, 1959; c_k' = (k c_{k+2} − c_{k+1}) / 2.
+    """
+    small = x < 1
+    series, root = jnp.where(small, x, 0), jnp.sqrt(jnp.where(small, 1, x))
+    near = _horner(series, [(-1) ** j / math.factorial(2 * j + k) for j in range(11)])
+    far = jnp.sin(root) / root if k % 2 else jnp.cos(root)
+    for lower in range(k % 2, k, 2):
+        far = (1 / math.factorial(lower) - far) / jnp.where(small, 1, x)
+    return jnp.where(small, near, far)
 
 
-def cos_of_square(x: Float[Array, "..."]) -> Float[Array, "..."]:
-    """cos(√x) for x ≥ 0, an entire function of x: by its series for x < 1, so that every derivative at 0 is right."""
-    small, series, root = _small_square(x)
-    return jnp.where(small, _horner(series, [(-1) ** k / math.factorial(2 * k) for k in range(11)]), jnp.cos(root))
+@stumpff.defjvp
+def _(k: int, primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    (x,), (along,) = primals, tangents
+    slope = -0.5 * stumpff(k + 1, x)
+    if k:
+        slope = slope + 0.5 * k * stumpff(k + 2, x)
+    return stumpff(k, x), along * slope
 
 
 def arc_over_sine(square: Float[Array, "..."], cosine: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -71,12 +84,6 @@ def arc_over_sine(square: Float[Array, "..."], cosine: Float[Array, "..."]) -> F
     root = jnp.sqrt(jnp.where(beyond, square, 1))
     arc = jnp.arctan2(root, jnp.where(beyond, cosine, 1)) / root
     return jnp.where(near, series / jnp.where(near, cosine, 1), arc)
-
-
-def _small_square(x: Float[Array, "..."]) -> tuple[Array, Array, Array]:
-    """Whether the series serves, its argument, and √x where it does not; with no branch that is singular."""
-    small = x < 1
-    return small, jnp.where(small, x, 0), jnp.sqrt(jnp.where(small, 1, x))
 
 
 def _horner(x: Float[Array, "..."], coefficients: list[float]) -> Float[Array, "..."]:

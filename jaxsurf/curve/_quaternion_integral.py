@@ -85,7 +85,9 @@ class QICurve(AbstractCurve):
         return QICurve(**data)
 
     def renewed(self) -> "QICurve":
-        return self.replace() if is_concrete(self) else self
+        if not is_concrete(self):
+            return self
+        return self.replace(angle=max(self.angle, ready_angle(largest_angle(self.tangents))))
 
     def _data(self) -> dict[str, Any]:
         names = ("start", "length", "tangents", "degree", "knots", "tolerance")
@@ -234,13 +236,49 @@ def horner(
     slope: Float[Array, ""],
     order: int = 0,
 ) -> list[Float[Array, "w"]]:
-    """Σ_k place^k rows[first + k] and its derivatives up to `order`, times powers of `slope`."""
-    found = [take(rows, first + count - 1)] + [jnp.zeros(rows.shape[1], rows.dtype)] * order
+    """Σ_k place^k rows[first + k], k < count, and its derivatives up to `order`, times powers of `slope`."""
+    if order == 0:
+        return [_polynomial(count, rows, first, place)]
+    block = _block(rows, first, count)
+    return [math.factorial(k) * slope**k * part for k, part in enumerate(_expanded(block, place, order))]
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _polynomial(count: int, rows: Float[Array, "r w"], first: Int[Array, ""], place: Float[Array, ""]) -> Float[Array, "w"]:
+    """Row by row, which compilers fuse; derivatives by the place share one fetch of all rows."""
+    total = take(rows, first + count - 1)
     for power in range(count - 2, -1, -1):
+        total = total * place + take(rows, first + power)
+    return total
+
+
+@partial(_polynomial.defjvp, symbolic_zeros=True)
+def _(count: int, primals: tuple[Array, ...], tangents: tuple[Any, ...]) -> tuple[Array, Array]:
+    rows, first, place = primals
+    by_rows, _, by_place = tangents
+    if isinstance(by_place, SymbolicZero):
+        value = _polynomial(count, rows, first, place)
+        slope = jnp.zeros_like(value)
+    else:
+        value, slope = _expanded(_block(rows, first, count), place, 1)
+        slope = by_place * slope
+    if not isinstance(by_rows, SymbolicZero):
+        slope = slope + _polynomial(count, by_rows, first, place)
+    return value, slope
+
+
+def _block(rows: Float[Array, "r w"], first: Int[Array, ""], count: int) -> Float[Array, "n w"]:
+    return jax.lax.dynamic_slice(rows, (first, jnp.zeros_like(first)), (count, rows.shape[1]))
+
+
+def _expanded(block: Float[Array, "n w"], place: Float[Array, ""], order: int) -> list[Float[Array, "w"]]:
+    """Taylor coefficients at `place` of the polynomial with the rows of `block` for coefficients, by Horner's scheme."""
+    found = [block[-1]] + [jnp.zeros_like(block[-1])] * order
+    for row in range(block.shape[0] - 2, -1, -1):
         for k in range(order, 0, -1):
             found[k] = found[k] * place + found[k - 1]
-        found[0] = found[0] * place + take(rows, first + power)
-    return [found[0], *(math.factorial(k) * slope**k * found[k] for k in range(1, order + 1))]
+        found[0] = found[0] * place + block[row]
+    return found
 
 
 def _is_symbolic(leaf: Any) -> bool:

@@ -114,11 +114,12 @@ def fit(
         for _ in range(_RENEWALS + 1):
             found = solve(problem, feet, penalty, **solved)
             shape, feet, total = _member(problem, found.theta), found.feet, total + found.steps
-            renewed = shape.renewed()
-            if found.stopped or jax.tree.structure(renewed) == jax.tree.structure(shape):
+            was_ready = jax.tree.structure(shape)
+            shape = shape.renewed()
+            if found.stopped or jax.tree.structure(shape) == was_ready:
                 break
-            # bent further than it was made ready for: once more from here
-            shape, problem = renewed, eqx.tree_at(lambda p: p.shape, problem, renewed)
+            # bent further than it was ready for: once more from here
+            problem = eqx.tree_at(lambda p: p.shape, problem, shape)
         if found is not None and found.stopped:
             break
     foot = foot_at(shape, points, feet)

@@ -56,9 +56,9 @@ class MarquardtDescent(optx.AbstractDescent):
 class NormalEquationsSolver(optx.AbstractMinimiser):
     """Minimise an objective whose value, gradient and Gauss-Newton matrix come from one pass over the points.
 
-    `fn(θ, (problem, feet, penalty))` gives the value and the feet; the pass starts the feet of a trial θ from those of
-    the last accepted one. It ends when an accepted step has lowered the value by less than `rtol` of it, or when steps
-    are refused at a step size below 10⁻⁹.
+    `fn(θ, (problem, feet, penalty))` gives the value and (gradient, matrix, feet); the pass starts the feet of a trial θ
+    from those of the last accepted one. It ends when an accepted step has lowered the value by less than `rtol` of it, or
+    when steps are refused at a step size below 10⁻⁹.
     """
 
     rtol: Any
@@ -88,7 +88,7 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
 
     def step(self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any) -> tuple[Any, _State, Any]:
         problem, _, penalty = args
-        value, gradient, matrix, feet = evaluate(problem, state.trial, state.feet, penalty)
+        value, (gradient, matrix, feet) = fn(state.trial, (problem, state.feet, penalty))
         trial_info = EvalGradHessian(value, gradient, lx.MatrixLinearOperator(matrix, lx.positive_semidefinite_tag))
         step_size, accept, search_result, search = self.search.step(
             state.first_step, y, state.trial, state.info, trial_info, state.search
@@ -101,7 +101,7 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
         done = jnp.where(accept, small, step_size < 1e-9)
         result = optx.RESULTS.where(search_result == optx.RESULTS.successful, descent_result, search_result)
         state = _State(jnp.asarray(False), y + step, search, info, feet, info, done, result)
-        return y, state, feet
+        return y, state, (info.grad, info.hessian.matrix, feet)
 
     def terminate(self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any) -> tuple[Any, Any]:
         return state.done, state.result
@@ -144,14 +144,14 @@ def solve(
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
         if progress is silent:
             found = optx.minimise(_objective, solver, theta, args, has_aux=True, max_steps=max_steps, throw=False)
-            return Solved(found.value, found.aux, found.stats["num_steps"], found.result)
+            return Solved(found.value, found.aux[2], found.stats["num_steps"], found.result)
         return _stepwise(solver, theta, args, max_steps, progress, phase)
 
 
-def _objective(theta: Float[Array, "P"], args: Any) -> tuple[Float[Array, ""], Float[Array, "N k"]]:
+def _objective(theta: Float[Array, "P"], args: Any) -> tuple[Float[Array, ""], Any]:
     problem, feet, penalty = args
-    value, _, _, feet = evaluate(problem, theta, feet, penalty)
-    return value, feet
+    value, *rest = evaluate(problem, theta, feet, penalty)
+    return value, tuple(rest)
 
 
 def _stepwise(

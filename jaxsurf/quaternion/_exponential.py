@@ -12,7 +12,7 @@ def exp(half: Float[Array, "*batch 3"]) -> Float[Array, "*batch 4"]:
     Both parts are entire functions of |ω|²: every derivative at ω = 0 is right.
     """
     square = jnp.sum(half * half, axis=-1, keepdims=True)
-    return jnp.concatenate([_safe.cos_of_square(square), half * _safe.sinc_of_square(square)], axis=-1)
+    return jnp.concatenate([_safe.stumpff(0, square), half * _safe.stumpff(1, square)], axis=-1)
 
 
 def log(q: Float[Array, "*batch 4"]) -> Float[Array, "*batch 3"]:

@@ -1,6 +1,11 @@
 """Rotations: between directions, between orientations, as matrices."""
 
+from functools import partial
+from typing import Any
+
+import jax
 import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from .. import _safe
@@ -25,20 +30,34 @@ def minimal_rotation(start: Float[Array, "*#batch 3"], end: Float[Array, "*#batc
     return exp(half_rotation(start, end))
 
 
+@jax.custom_jvp
 def turn(half: Float[Array, "*#batch 3"], vector: Float[Array, "*#batch 3"]) -> Float[Array, "*batch 3"]:
     """exp(ω) v exp(ω)⁻¹ by Rodrigues' formula, of the half rotation vector ω.
 
-    With φ = 2ω: v cos φ + (φ × v) sin φ / φ + φ ⟨φ, v⟩ (1 − cos φ) / φ², the last factor as ½ (sin ω / ω)².
+    With φ = 2ω: v cos φ + (φ × v) sin φ / φ + φ ⟨φ, v⟩ (1 − cos φ) / φ².
     """
-    square = jnp.sum(half * half, axis=-1, keepdims=True)
     full = 2 * half
-    bend = _safe.sinc_of_square(square) ** 2 / 2
+    return _mixed(full, vector, 0)
+
+
+@partial(turn.defjvp, symbolic_zeros=True)
+def _(primals: tuple[Array, Array], tangents: tuple[Any, Any]) -> tuple[Array, Array]:
+    """The turned vector moves with its own change, turned, and about J dφ, J the left Jacobian of the rotations."""
+    half, vector = primals
+    by_half, by_vector = tangents
+    turned = turn(half, vector)
+    moved = jnp.zeros_like(turned) if isinstance(by_vector, SymbolicZero) else turn(half, by_vector)
+    if not isinstance(by_half, SymbolicZero):
+        moved = moved + jnp.cross(_mixed(2 * half, 2 * by_half, 1), turned)
+    return turned, moved
+
+
+def _mixed(full: Float[Array, "*#batch 3"], vector: Float[Array, "*#batch 3"], k: int) -> Float[Array, "*batch 3"]:
+    """c_k v + c_{k+1} φ × v + c_{k+2} φ ⟨φ, v⟩, Stumpff's functions of |φ|²: for k = 0 v turned, for k = 1 J v."""
+    square = jnp.sum(full * full, axis=-1, keepdims=True)
     along = jnp.sum(full * vector, axis=-1, keepdims=True)
-    return (
-        _safe.cos_of_square(4 * square) * vector
-        + _safe.sinc_of_square(4 * square) * jnp.cross(full, vector)
-        + bend * along * full
-    )
+    c = [_safe.stumpff(k + i, square) for i in range(3)]
+    return c[0] * vector + c[1] * jnp.cross(full, vector) + c[2] * along * full
 
 
 def slerp(

@@ -117,7 +117,11 @@ class QISurface(AbstractSurface):
         return QISurface(**data)
 
     def renewed(self) -> "QISurface":
-        return self.replace(spine=self.spine.renewed()) if is_concrete(self) else self
+        if not is_concrete(self):
+            return self
+        needed = self.replace(spine=self.spine.renewed())
+        angles = max(self.angle_u, needed.angle_u), max(self.angle_v, needed.angle_v)
+        return needed.replace(angles=angles)
 
     def _data(self) -> dict[str, Any]:
         names = ("spine", "tangents", "lengths", "degree_u", "degree_v", "knots_u", "knots_v", "path", "tolerance")
