@@ -1,5 +1,5 @@
 from . import quaternion as quaternion
-from ._errors import InputError as InputError, MissingPackageError as MissingPackageError
+from ._errors import GeometryWarning as GeometryWarning, InputError as InputError, MissingPackageError as MissingPackageError
 from ._lazy import __dir__ as __dir__, __getattr__ as __getattr__
 from ._progress import Event as Event, silent as silent
 from ._registry import register as register
@@ -8,6 +8,16 @@ from .basis import (
     clamped_knots as clamped_knots,
     periodic_knots as periodic_knots,
     uniform_knots as uniform_knots,
+)
+from .build import (
+    OrientationRotation as OrientationRotation,
+    RotationMinimising as RotationMinimising,
+    Smoothstep as Smoothstep,
+    Sweep as Sweep,
+    UpRotation as UpRotation,
+    linear as linear,
+    smoothstep as smoothstep,
+    sweep as sweep,
 )
 from .convert import (
     Conversion as Conversion,
@@ -29,6 +39,7 @@ from .curve import (
     QICurve as QICurve,
 )
 from .differential import (
+    ByArcLength as ByArcLength,
     Curvature as Curvature,
     arc_length as arc_length,
     area as area,

@@ -27,3 +27,7 @@ def import_optional(module: str, *, extra: str, purpose: str) -> ModuleType:
             f"The package `{module.split('.')[0]}` is needed for {purpose} and cannot be imported ({error}): "
             f"install it with `pip install 'jaxsurf[{extra}]'`."
         ) from error
+
+
+class GeometryWarning(UserWarning):
+    """What was asked for is defined, and probably not what is wanted; the message says where and what to take instead."""

@@ -1,4 +1,5 @@
 from ._arc_length import equally_spaced as equally_spaced, parameter_at_length as parameter_at_length
+from ._by_length import ByArcLength as ByArcLength
 from ._curvature import Curvature as Curvature, curvature as curvature, curvature_at as curvature_at
 from ._curves import (
     FrenetFrame as FrenetFrame,

@@ -66,7 +66,11 @@ def length_table(curve: AbstractCurve) -> LengthTable:
 
 
 def _parameter_at(data: tuple[AbstractCurve, LengthTable], length: Float[Array, ""]) -> Float[Array, ""]:
-    curve, table = data
+    return parameter_within(*data, length)
+
+
+def parameter_within(curve: AbstractCurve, table: LengthTable, length: Float[Array, ""]) -> Float[Array, ""]:
+    """The parameter at one length, inside traced code."""
     passed = jax.lax.stop_gradient(length) >= jax.lax.stop_gradient(table.lengths[1:-1])
     index = jnp.sum(passed, dtype=jnp.int32)
     # repeated places at the end are spans of no length; the last real one is where the search belongs

@@ -1,0 +1,127 @@
+"""One guide, or two that run side by side, and what sweeps ask of them at a place."""
+
+from functools import cached_property
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._array import concrete, is_concrete
+from .._safe import norm, unit
+from ..curve import AbstractCurve
+from ..curve._breaks import breaks
+from ..edit._reparametrised import affine
+
+_MEET = 1e-9  # chords shorter than this share of their change over the whole guide have the direction of the change
+
+
+class Guides(eqx.Module):
+    """Guides with one parameter v, over the domain of the first one; the second's own parameter follows evenly."""
+
+    curves: tuple[AbstractCurve, ...]
+
+    @property
+    def domain(self) -> tuple[Any, Any]:
+        return self.curves[0].domain
+
+    @property
+    def dtype(self) -> Any:
+        return self.curves[0].dtype
+
+    def at(self, v: Float[Array, ""]) -> "Station":
+        """What there is to know at one parameter, inside traced code."""
+        return Station(self, v)
+
+    def share(self, v: Float[Array, ""]) -> Float[Array, ""]:
+        """Where v lies in the domain, from 0 to 1."""
+        a, b = self.domain
+        return (v - a) / (b - a)
+
+    def position(self, index: int, v: Float[Array, ""]) -> Float[Array, "3"]:
+        """The point of a guide at the common parameter."""
+        if index == 0:
+            return self.curves[0].point(v)
+        return self.curves[index].point(
+            affine(v, as_ends(self.domain, self.dtype), as_ends(self.curves[index].domain, self.dtype))
+        )
+
+    def breaks(self) -> Any:
+        """Where a guide is not smooth, and the ends of the domain, in the common parameter."""
+        own = breaks(self.curves[0])
+        if len(self.curves) == 1:
+            return own
+        other = carried(jnp.asarray(breaks(self.curves[1])), self.curves[1].domain, self.domain)
+        return join_breaks(own, other)
+
+
+def join_breaks(one: Any, other: Any) -> Any:
+    """Breaks of both, in order; those of known shapes without repetitions, nor such that differ by rounding."""
+    both = (one, other)
+    if not is_concrete(both):
+        return jnp.sort(jnp.concatenate([jnp.asarray(x) for x in both]))
+    places = np.unique(np.concatenate([concrete(x) for x in both]))
+    apart = np.diff(places) > 1e-12 * (places[-1] - places[0])
+    return places[np.append(True, apart)]
+
+
+class Station:
+    """Guides at one parameter: each value is traced when it is asked for, and once."""
+
+    def __init__(self, guides: Guides, v: Float[Array, ""]):
+        self.guides, self.v = guides, v
+
+    @cached_property
+    def _first_order(self) -> list[tuple[Array, Array]]:
+        return [value_and_slope(lambda t, i=i: self.guides.position(i, t), self.v) for i in range(len(self.guides.curves))]
+
+    @property
+    def positions(self) -> list[Float[Array, "3"]]:
+        return [position for position, _ in self._first_order]
+
+    @property
+    def velocities(self) -> list[Float[Array, "3"]]:
+        """Derivatives by the common parameter."""
+        return [velocity for _, velocity in self._first_order]
+
+    @cached_property
+    def acceleration(self) -> Float[Array, "3"]:
+        """The second derivative of the first guide."""
+        return value_and_slope(lambda t: Station(self.guides, t).velocities[0], self.v)[1]
+
+    @cached_property
+    def tangent(self) -> Float[Array, "3"]:
+        """The unit tangent of the first guide."""
+        return unit(self.velocities[0])
+
+    @cached_property
+    def chord(self) -> Float[Array, "3"]:
+        """From the first guide to the second."""
+        return self.positions[1] - self.positions[0]
+
+    @cached_property
+    def chord_direction(self) -> Float[Array, "3"]:
+        """The unit chord; where the guides meet, its limit from inside."""
+        change = self.velocities[1] - self.velocities[0]
+        a, b = self.guides.domain
+        change = jnp.where(self.guides.share(self.v) > 0.5, -change, change) * (b - a)
+        meets = norm(self.chord) <= _MEET * norm(change)
+        return unit(jnp.where(meets, change, self.chord))
+
+    @property
+    def chord_length(self) -> Float[Array, ""]:
+        """The length of the chord; its slope is right where the guides meet."""
+        return self.chord @ self.chord_direction
+
+
+def value_and_slope(f: Any, t: Float[Array, ""]) -> tuple[Array, Array]:
+    """f(t) and f'(t) in forward mode."""
+    return jax.jvp(f, (t,), (jnp.ones_like(t),))
+
+
+def carried(t: Float[Array, "*n"], domain: tuple[Any, Any], other: tuple[Any, Any]) -> Float[Array, "*n"]:
+    """Parameters of one domain, carried evenly to another one; its ends are met exactly."""
+    ends = [jnp.stack([jnp.asarray(end, t.dtype) for end in pair]) for pair in (domain, other)]
+    return affine(t, *ends)

@@ -1,0 +1,161 @@
+"""Sweeps: characters carried along guides."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._array import is_concrete
+from .._registry import register
+from .._safe import divide
+from ..curve import AbstractCurve
+from ..curve._breaks import breaks as curve_breaks
+from ..edit._reparametrised import affine
+from ..surface import AbstractSurface
+from ..surface._breaks import breaks
+from ._blend import AbstractBlend
+from ._guides import Guides, Station, as_ends, join_breaks
+from ._rotation import AbstractRotation
+
+
+@register
+class Sweep(AbstractSurface):
+    """S(u, v) = C₁(v) + M(v) (C(u) − anchor), blended for two characters: (1 − φ(v)) S₁ + φ(v) S₂.
+
+    Made by `js.sweep`, which checks what it is given. characters: one or two curves of u, placed where the guides start and,
+    the second, where they end, and swept from there; guides: one or two curves of v. u and v run over the domains of the
+    first character and of the first guide; those of the second ones follow evenly. M = R, the `rotation`, times what `scale`
+    says for two guides: "uniform", by the length of the chord C₂ − C₁; "chord", along the chord only; "none". The anchor is
+    C₁ at the start, or with two guides the character's own first point. ends: where each character is placed, "first" or
+    "last". Source: Jōnishi, Yajima (paper 000), (2.1), (2.2).
+    """
+
+    characters: tuple[AbstractCurve, ...]
+    guides: Guides
+    rotation: AbstractRotation
+    blend: AbstractBlend
+    scale: str = eqx.field(static=True)
+    ends: tuple[str, ...] = eqx.field(static=True)
+
+    @property
+    def domain(self) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+        return self.characters[0].domain, self.guides.domain
+
+    def prepared(self) -> "PreparedSweep":
+        """The sweep with all that does not depend on u and v computed."""
+        guides = Guides(tuple(curve.prepared() for curve in self.guides.curves))
+        characters = tuple(curve.prepared() for curve in self.characters)
+        starts = tuple(self._start(guides, curve, end) for curve, end in zip(characters, self.ends, strict=True))
+        return PreparedSweep(self, characters, guides, starts)
+
+    def renewed(self) -> "Sweep":
+        if not is_concrete(self):
+            return self
+        # a kind that was made ready stays so: what fits and is finer than needed is not made anew
+        curves = tuple(curve.renewed() for curve in self.guides.curves)
+        characters = tuple(curve.renewed() for curve in self.characters)
+        guides = Guides(curves)
+        return Sweep(characters, guides, self.rotation.settled(guides), self.blend, self.scale, self.ends)
+
+    def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
+        return self.prepared().point(u, v)
+
+    def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
+        return self.prepared().grid_points(u, v)
+
+    def _start(self, guides: Guides, character: AbstractCurve, end: str) -> "_Start":
+        station = guides.at(jnp.asarray(guides.domain[0 if end == "first" else 1], self.dtype))
+        known = self.rotation.known(guides, station)
+        if len(guides.curves) == 1:
+            one = jnp.ones((), self.dtype)
+            return _Start(known, station.positions[0], one, jnp.zeros(3, self.dtype))
+        anchor = character.point(jnp.asarray(character.domain[0], self.dtype))
+        return _Start(known, anchor, station.chord_length, station.chord_direction)
+
+
+class _Start(eqx.Module):
+    """Where a character is placed: what the rotation knows, the anchor, and the chord's length and direction there."""
+
+    known: Any
+    anchor: Float[Array, "3"]
+    chord_length: Float[Array, ""]
+    chord_direction: Float[Array, "3"]
+
+
+class _Row(eqx.Module):
+    """All that a row of constant v needs: S = origin + Σ matrix (C(u) − anchor)."""
+
+    origin: Float[Array, "3"]
+    matrices: tuple[Float[Array, "3 3"], ...]
+
+
+class PreparedSweep(AbstractSurface):
+    """A `Sweep` with its curves prepared and its starts computed."""
+
+    sweep: Sweep
+    characters: tuple[Any, ...]
+    guides: Guides
+    starts: tuple[_Start, ...]
+
+    @property
+    def domain(self) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+        return self.sweep.domain
+
+    def prepared(self) -> "PreparedSweep":
+        return self
+
+    def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
+        row = self._row(v)
+        return sum((m @ d for m, d in zip(row.matrices, self._offsets(u), strict=True)), row.origin)
+
+    def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
+        rows = jax.vmap(self._row)(v)
+        total = jnp.broadcast_to(rows.origin[None], (u.shape[0], *rows.origin.shape))
+        for matrix, offset in zip(rows.matrices, jax.vmap(self._offsets)(u), strict=True):
+            # by coordinates: the compiler makes one loop over the points of it
+            for i in range(3):
+                total = total + offset[:, i, None, None] * matrix[None, :, :, i]
+        return total
+
+    def _offsets(self, u: Float[Array, ""]) -> list[Float[Array, "3"]]:
+        """C(u) − anchor of each character."""
+        first, *others = self.characters
+        places = [u] + [affine(u, as_ends(first.domain, self.dtype), as_ends(c.domain, self.dtype)) for c in others]
+        return [c.point(t) - s.anchor for c, t, s in zip(self.characters, places, self.starts, strict=True)]
+
+    def _row(self, v: Float[Array, ""]) -> _Row:
+        here = self.guides.at(v)
+        matrices = [self._matrix(start, here) for start in self.starts]
+        if len(matrices) == 2:
+            share = self.sweep.blend(self.guides.share(v))
+            matrices = [(1 - share) * matrices[0], share * matrices[1]]
+        return _Row(here.positions[0], tuple(matrices))
+
+    def _matrix(self, start: _Start, here: Station) -> Float[Array, "3 3"]:
+        turn = self.sweep.rotation.matrix(start.known, here)
+        if self.sweep.scale == "none":
+            return turn
+        ratio = divide(here.chord_length, start.chord_length)
+        if self.sweep.scale == "uniform":
+            return ratio * turn
+        stretched = (ratio - 1) * (turn @ start.chord_direction)
+        return turn + stretched[:, None] * start.chord_direction[None, :]
+
+
+@breaks.register(Sweep)
+def _(shape: Sweep) -> tuple[Any, Any]:
+    first, *others = shape.characters
+    along_u = curve_breaks(first)
+    for other in others:
+        moved = affine(
+            jnp.asarray(curve_breaks(other)), as_ends(other.domain, shape.dtype), as_ends(first.domain, shape.dtype)
+        )
+        along_u = join_breaks(along_u, moved)
+    return along_u, shape.guides.breaks()
+
+
+@breaks.register(PreparedSweep)
+def _(shape: PreparedSweep) -> tuple[Any, Any]:
+    return breaks(shape.sweep)
