@@ -44,9 +44,7 @@ class Guides(eqx.Module):
         """The point of a guide at the common parameter."""
         if index == 0:
             return self.curves[0].point(v)
-        return self.curves[index].point(
-            affine(v, as_ends(self.domain, self.dtype), as_ends(self.curves[index].domain, self.dtype))
-        )
+        return self.curves[index].point(carried(v, self.domain, self.curves[index].domain))
 
     def breaks(self) -> Any:
         """Where a guide is not smooth, and the ends of the domain, in the common parameter."""

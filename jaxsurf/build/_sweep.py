@@ -12,11 +12,10 @@ from .._registry import register
 from .._safe import divide
 from ..curve import AbstractCurve
 from ..curve._breaks import breaks as curve_breaks
-from ..edit._reparametrised import affine
 from ..surface import AbstractSurface
 from ..surface._breaks import breaks
 from ._blend import AbstractBlend
-from ._guides import Guides, Station, as_ends, join_breaks
+from ._guides import Guides, Station, carried, join_breaks
 from ._rotation import AbstractRotation
 
 
@@ -122,7 +121,7 @@ class PreparedSweep(AbstractSurface):
     def _offsets(self, u: Float[Array, ""]) -> list[Float[Array, "3"]]:
         """C(u) − anchor of each character."""
         first, *others = self.characters
-        places = [u] + [affine(u, as_ends(first.domain, self.dtype), as_ends(c.domain, self.dtype)) for c in others]
+        places = [u] + [carried(u, first.domain, c.domain) for c in others]
         return [c.point(t) - s.anchor for c, t, s in zip(self.characters, places, self.starts, strict=True)]
 
     def _row(self, v: Float[Array, ""]) -> _Row:
@@ -149,10 +148,7 @@ def _(shape: Sweep) -> tuple[Any, Any]:
     first, *others = shape.characters
     along_u = curve_breaks(first)
     for other in others:
-        moved = affine(
-            jnp.asarray(curve_breaks(other)), as_ends(other.domain, shape.dtype), as_ends(first.domain, shape.dtype)
-        )
-        along_u = join_breaks(along_u, moved)
+        along_u = join_breaks(along_u, carried(jnp.asarray(curve_breaks(other)), other.domain, first.domain))
     return along_u, shape.guides.breaks()
 
 
