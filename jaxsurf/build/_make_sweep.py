@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 from .._arguments import as_type, early
 from .._array import concrete, eps, is_concrete
 from .._errors import GeometryWarning, InputError
+from .._safe import norm
 from ..curve import AbstractCurve
 from ..differential import ByArcLength
 from ._blend import as_blend, smoothstep
@@ -45,9 +46,9 @@ def sweep(
     With two guides S(first u, v) and S(last u, v) are the guides; with one the section keeps its place to it.
 
     rotation: how sections turn. "fixed"; "chord", with the chord between two guides; "guide", with the tangent of one guide,
-    and with two guides with chord and tangents, as "chord+guide"; "minimal", without twist; "frenet"; "up", level with z
-    upright; or an object: `UpRotation(up)`, `RotationMinimising(…)`, `OrientationRotation(…)`, or a function of v that gives
-    rotations. scale, with two guides: True, sections grow with the chord; "chord", along the chord only, heights kept; False.
+    and with two guides as "chord+guide", with chord and tangents; "minimal", without twist; "frenet"; "up", level with z
+    upright; or an object: `UpRotation(up)`, `RotationMinimising(…)`, `OrientationRotation(…)`, or a function of v that
+    gives rotations. scale, with two guides: True, sections grow with the chord; "chord", along it only; False.
     A rotation or scale that leaves the second guide is refused. blend: φ between two characters. pairing of two guides:
     "parameter", or "arc length" for equal shares of their lengths. move: characters whose ends are not on the guides are
     moved there, turned and scaled with two guides; else they must meet within `tolerance` times the size.
@@ -104,7 +105,7 @@ def _curves(curves: Any, name: str) -> tuple[AbstractCurve, ...]:
 def _off_second_guide(surface: Sweep, v: Float[Array, "n"]) -> Float[Array, "n"]:
     prepared = surface.prepared()
     last = jnp.asarray(surface.domain[0][1], surface.dtype)
-    gap = lambda t: jnp.linalg.norm(prepared.point(last, t) - prepared.guides.position(1, t))
+    gap = lambda t: norm(prepared.point(last, t) - prepared.guides.position(1, t))
     return jax.vmap(gap)(v)
 
 
@@ -116,8 +117,8 @@ def _check_second_guide(surface: Sweep, rotation: Any, scale: Any, allowed: floa
     if off.max() > allowed:
         v = places[np.argmax(off)]
         raise InputError(
-            f"The sweep leaves `guides[1]` by {off.max():.3g} at v = {v:.4g} with rotation={rotation!r} and scale={scale!r}; at "
-            f'most {allowed:.3g} is allowed: take "chord" or "chord+guide" with scale=True, or leave the second guide out.'
+            f"The sweep leaves `guides[1]` by {off.max():.3g} at v = {v:.4g} with rotation={rotation!r} and scale={scale!r}; "
+            f'at most {allowed:.3g} is allowed: take "chord" or "chord+guide" with scale=True, or leave out the second guide.'
         )
 
 
@@ -142,8 +143,8 @@ def _check_jumps(surface: Sweep) -> None:
         if angle.max() > max(_JUMP, 1e3 * eps(surface.dtype) ** 0.5):
             v = inner[np.argmax(angle)]
             raise InputError(
-                f"The section would jump by {math.degrees(angle.max()):.3g}° at v = {v:.6g}, where a guide has a corner: split "
-                'the guides there with `js.split`, or take rotation="fixed" or "chord".'
+                f"The section would jump by {math.degrees(angle.max()):.3g}° at v = {v:.6g}, where a guide has a corner: "
+                'split the guides there with `js.split`, or take rotation="fixed" or "chord".'
             )
 
 

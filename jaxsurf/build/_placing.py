@@ -36,8 +36,8 @@ def placed(
     advice = "turn it round with `js.reverse`" if turned else "move it there, or pass `move=True`"
     where = "start" if end == "first" else "end"
     raise InputError(
-        f"`{name}` {('starts', 'ends')[index]} {off[index]:.3g} from where `guides[{index}]` {where}s; at most {allowed:.3g} "
-        f"(`tolerance` × size) is allowed: {advice}."
+        f"`{name}` {('starts', 'ends')[index]} {off[index]:.3g} from where `guides[{index}]` {where}s; at most "
+        f"{allowed:.3g} (`tolerance` × size) is allowed: {advice}."
     )
 
 
@@ -67,8 +67,8 @@ def without_points(
             continue
         if np.ptp(places_on(character), axis=0).max() > allowed:
             raise InputError(
-                f"`characters[{i}]` must be a point where the guides meet, {first.tolist()}; leave it out, or move the guides "
-                "apart."
+                f"`characters[{i}]` must be a point where the guides meet, {first.tolist()}; leave it out, or move the "
+                "guides apart."
             )
     if not kept:
         raise InputError("The guides meet where the character is, so it cannot grow from there; reverse the guides.")

@@ -28,8 +28,8 @@ class AbstractRotation(eqx.Module):
     """A kind of R(v): how a section turns between a station of the guides and another one.
 
     `known` computes, once, what does not depend on v; `matrix` gives R(v), (3, 3), orthonormal with det +1, the identity at
-    the station where the section starts. `settled` looks at known guides: it refuses those for which the kind is not defined,
-    and chooses static numbers.
+    the station where the section starts. `settled` looks at known guides: it refuses those for which the kind is not
+    defined, and chooses static numbers.
     """
 
     def settled(self, guides: Guides) -> "AbstractRotation":

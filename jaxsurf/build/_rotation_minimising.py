@@ -114,7 +114,7 @@ def _reflected_twice(
     to: Float[Array, "3"],
     onto: Float[Array, "3"],
 ) -> Float[Array, "3"]:
-    """The side carried from a point with its tangent to the next one: reflected so that the points, then the tangents, meet."""
+    """The side carried from one point with its tangent to another: reflected so that the points meet, then the tangents."""
     step = to - point
     reflected, carried = _reflected(side, step), _reflected(tangent, step)
     turned = _reflected(reflected, onto - carried)
