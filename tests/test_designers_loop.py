@@ -7,6 +7,7 @@ import jaxsurf as js
 from jaxsurf.view import shade
 
 WANTED_HEIGHT, WANTED_SLOPE = 0.45, np.radians(20)
+READY = 2 * (np.radians(70),)  # angles that all surfaces are made ready for, so that they share compiled programs
 
 
 def display(surface):
@@ -24,6 +25,10 @@ def slope_of_the_rim(surface):
     return float(np.max(np.abs(np.arctan2(along[:, 2], np.hypot(along[:, 0], along[:, 1])))))
 
 
+def changed(surface, **changes):
+    return surface.replace(angles=READY, **changes)
+
+
 def turned(surface, row, angle, column=slice(None)):
     """Control tangents of a row turned about y."""
     tangents = np.array(surface.tangents)
@@ -31,23 +36,23 @@ def turned(surface, row, angle, column=slice(None)):
     tangents[row, column] = np.stack(
         [x * np.cos(angle) - z * np.sin(angle), y, x * np.sin(angle) + z * np.cos(angle)], axis=-1
     )
-    return surface.replace(tangents=tangents)
+    return changed(surface, tangents=tangents)
 
 
 @pytest.fixture(scope="module")
 def session():
     """Surfaces and pictures, in the order of the designer's work."""
-    steps = [("plane", js.QISurface.plane((0, 0, 0), (2, 0, 0), (0, 1.5, 0), (3, 3)))]
+    steps = [("plane", changed(js.QISurface.plane((0, 0, 0), (2, 0, 0), (0, 1.5, 0), (3, 3))))]
     change = lambda name, surface: steps.append((name, surface))
     # the middle of the surface is to rise: the first row up, the last down, a little more until it is high enough
     while height(steps[-1][1]) < WANTED_HEIGHT:
         before = steps[-1][1]
         change("rows turned", turned(turned(before, 0, np.radians(8)), 2, np.radians(-8)))
         assert len(steps) < 20
-    change("lengths", steps[-1][1].replace(lengths=[2.0, 2.6, 2.2]))
+    change("lengths", changed(steps[-1][1], lengths=[2.0, 2.6, 2.2]))
     spine = steps[-1][1].spine
     bent = np.array(spine.tangents) + np.array([[0, 0, 0.3], [0, 0, 0], [0, 0, -0.3]])
-    change("initial curve", steps[-1][1].replace(spine=spine.replace(tangents=bent, length=1.8)))
+    change("initial curve", changed(steps[-1][1], spine=spine.replace(tangents=bent, length=1.8)))
     finer = js.insert_tangent(steps[-1][1], 0.75, "u")
     change("one more row", finer.shape)
     # with the new row the rim is flattened without touching what was made
