@@ -117,7 +117,7 @@ def _check_second_guide(surface: Sweep, rotation: Any, scale: Any, allowed: floa
     if off.max() > allowed:
         v = places[np.argmax(off)]
         raise InputError(
-            f"The sweep leaves `guides[1]` by {off.max():.3g} at v = {v:.4g} with rotation={rotation!r} and scale={scale!r}, "
+            f"The sweep leaves `guides[1]` by {off.max():.3g} at v = {v:.4g} with rotation={rotation!r}, scale={scale!r}, "
             f'more than the {allowed:.3g} allowed: take "chord" or "chord+guide" with scale=True, or leave that guide out.'
         )
 
