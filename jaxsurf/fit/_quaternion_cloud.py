@@ -83,19 +83,19 @@ def peer_fit(points: Numbers, surface: QISurface, **options: Any) -> CloudFit:
     return fit_cloud(points, spans=peer_spans(numbers_of(surface)), degree=2, **options)
 
 
-def qi_plane(points: Numbers, shape: tuple[int, int] = (3, 3), degree: int = 2) -> QISurface:
+def qi_plane(points: Numbers, tangents: tuple[int, int] = (3, 3), degree: int = 2) -> QISurface:
     """The flat QI surface over the smallest rectangle, in the plane of inertia, about a sheet-like cloud (N, 3).
 
-    shape: numbers of control tangents along u, the longer side, and along v, where the initial curve has as many.
+    tangents: how many control tangents along u, the longer side, and along v, where the initial curve has as many.
     Raises `InputError` on clouds that carry no surface and on fewer points than there are tangents.
     """
     points = as_float(points)
     host = np.asarray(concrete(points), np.float64)
     check_sheet(host)
-    if len(shape) != 2 or any(int(n) != n or n <= degree for n in shape):
-        raise InputError(f"`shape` must be two whole numbers > `degree` = {degree} such as (3, 3), got {shape!r}.")
-    if len(host) < shape[0] * shape[1]:
-        raise InputError(f"`points` must be at least as many as the {shape[0] * shape[1]} tangents, got {len(host)}.")
+    if len(tangents) != 2 or any(int(n) != n or n <= degree for n in tangents):
+        raise InputError(f"`tangents` must be two whole numbers > `degree` = {degree} such as (3, 3), got {tangents!r}.")
+    if len(host) < tangents[0] * tangents[1]:
+        raise InputError(f"`points` must be at least as many as the {tangents[0] * tangents[1]} tangents, got {len(host)}.")
     centre = host.mean(axis=0)
     axes = np.linalg.svd(host - centre, full_matrices=False)[2]
     axes[2] = np.cross(axes[0], axes[1])
@@ -108,7 +108,7 @@ def qi_plane(points: Numbers, shape: tuple[int, int] = (3, 3), degree: int = 2) 
     directions = turn @ axes[:2]
     corner = centre + low @ directions
     along_u, along_v = jnp.asarray((high - low)[:, None] * directions, points.dtype)
-    plane = QISurface.plane(jnp.asarray(corner, points.dtype), along_u, along_v, shape, degree)
+    plane = QISurface.plane(jnp.asarray(corner, points.dtype), along_u, along_v, tangents, degree)
     return plane.replace(spine=plane.spine.replace(angle=_READY), angles=(_READY, _READY))
 
 

@@ -13,6 +13,7 @@ from jaxsurf.io import read_points
 from jaxsurf.quaternion._control import neighbour_angles
 
 DATA = Path(__file__).parents[1] / "data"
+COUNT = 1802  # points, as many as bunny_back has: one compiled program fits both
 NOISE = 0.01
 QUIET = 1e-7  # weight of the squared turns between control tangents, by which `fit` holds what no point determines
 
@@ -34,7 +35,7 @@ def arch():
 @pytest.fixture(scope="module")
 def found():
     surface = arch()
-    points = points_on(surface, 900, 0)
+    points = points_on(surface, COUNT, 0)
     return surface, points, js.fit_qi(points + NOISE * np.random.default_rng(1).normal(size=points.shape))
 
 
@@ -67,14 +68,14 @@ def test_it_begins_with_the_plane_of_the_points(found):
 
 
 def test_a_curve_through_points():
-    """Found exactly without bending; with the quiet weight w of `fit` no further off than √(w Σ turn²), of the size."""
+    """Found exactly without bending; with the quiet weight w of `fit` no further off than √(w Σ turn²) of the size."""
     rng = np.random.default_rng(2)
     wanted = js.QICurve([1.0, 2, 3], 5.0, np.array([1.0, 0, 0]) + 0.5 * rng.normal(size=(6, 3)))
-    points = np.asarray(wanted(rng.uniform(size=150)))
+    points = np.asarray(wanted(np.append(rng.uniform(size=148), [0, 1])))  # without its ends a curve is found more slowly
     start = js.QICurve.line(wanted(0.0), wanted(1.0), 6, 3).replace(angle=np.radians(140))
     exact = js.fit(start, points, bending=0.0, rtol=1e-9)
-    assert exact.deviation.rms < 1e-6 and abs(float(exact.shape.length) - 5) < 1e-3
-    np.testing.assert_allclose(exact.shape.tangents, wanted.tangents, atol=5e-3)
+    assert exact.deviation.rms < 1e-6 and abs(float(exact.shape.length) - 5) < 1e-4
+    np.testing.assert_allclose(exact.shape.tangents, wanted.tangents, atol=1e-3)
     quiet = js.fit(start, points, rtol=1e-9)
     size = np.linalg.norm(np.ptp(points, axis=0))
     turns = neighbour_angles(np.asarray(wanted.tangents))
@@ -103,8 +104,8 @@ def test_three_by_three_tangents_next_to_a_b_spline_with_as_many_numbers():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"tangents": (2, 3)}, "two whole numbers > `degree` = 2"),
-        ({"tangents": (30, 40)}, "at least as many as the 1200 tangents, got 900"),
+        ({"tangents": (2, 3)}, "`tangents` must be two whole numbers > `degree` = 2"),
+        ({"tangents": (40, 50)}, "at least as many as the 2000 tangents, got 1802"),
         ({"holdout": 1.0}, r"`holdout` must be in \[0, 1\)"),
         ({"loss": "absolute"}, "`loss` must be"),
         ({"fairness": -1.0}, "`fairness`"),
