@@ -24,12 +24,13 @@ class Figure(NamedTuple):
     """What is to be reached.
 
     kind: "faster": `ours` does at least `bound` times the items per second of `other`; "at most": it takes at
-    most `bound` times the time; "more": at most `bound` seconds more.
+    most `bound` times the time; "more": at most `bound` seconds more; "rate": at least `bound` million items per second;
+    "first call": it is there after at most `bound` seconds, compiled and run. The last two compare with no other.
     """
 
     kind: str
     ours: str
-    other: str
+    other: str | None
     bound: float
 
 
@@ -137,13 +138,13 @@ def _run_row(row: Row, repeats: int) -> dict[str, Any]:
 
 
 def _judge(figure: Figure, runs: dict[str, Any]) -> dict[str, Any]:
-    ours, other = runs[figure.ours], runs[figure.other]
+    ours, other = runs[figure.ours], runs[figure.other or figure.ours]
     judged = {**figure._asdict(), "reached": None, "holds": None}
     if ours is None or other is None:
         return judged
     a, b = ours["seconds"] / ours["items"], other["seconds"] / other["items"]
-    reached = {"faster": b / a, "at most": a / b, "more": a - b}[figure.kind]
-    holds = reached >= figure.bound if figure.kind == "faster" else reached <= figure.bound
+    reached = {"faster": b / a, "at most": a / b, "more": a - b, "rate": 1e-6 / a, "first call": ours["first"]}[figure.kind]
+    holds = reached >= figure.bound if figure.kind in ("faster", "rate") else reached <= figure.bound
     return {**judged, "reached": reached, "holds": holds}
 
 
@@ -171,14 +172,21 @@ def _time(run: dict[str, Any] | None) -> str:
 
 
 def _goal(figure: dict[str, Any]) -> str:
-    pattern = {"faster": "≥ {:g} × {}", "at most": "≤ {:g} × {}", "more": "≤ {:g} s more than {}"}
+    pattern = {
+        "faster": "≥ {:g} × {}",
+        "at most": "≤ {:g} × {}",
+        "more": "≤ {:g} s more than {}",
+        "rate": "≥ {:g} M/s",
+        "first call": "first call ≤ {:g} s",
+    }
     return pattern[figure["kind"]].format(figure["bound"], figure["other"])
 
 
 def _reached(figure: dict[str, Any]) -> str:
     if figure["reached"] is None:
         return "absent"
-    return f"{figure['reached']:.2g}" + (" s" if figure["kind"] == "more" else " ×")
+    unit = {"more": "s", "first call": "s", "rate": "M/s"}.get(figure["kind"], "×")
+    return f"{figure['reached']:.3g} {unit}" if unit == "M/s" else f"{figure['reached']:.2g} {unit}"
 
 
 def _holds(figure: dict[str, Any]) -> str:

@@ -54,6 +54,7 @@ def _surface(places: Any, rng: np.random.Generator) -> Row:
             Figure("faster", "3 × 3 control tangents", other, 0.125),
             Figure("faster", "12 × 12 control tangents", other, 0.125),
             Figure("faster", spline, other, 0.5),
+            Figure("first call", "12 × 12 control tangents", None, 3.0),
         ],
     )
 

@@ -19,9 +19,13 @@ _MEET = 1e-9  # chords shorter than this share of their change over the whole gu
 
 
 class Guides(eqx.Module):
-    """Guides with one parameter v, over the domain of the first one; the second's own parameter follows evenly."""
+    """Guides with one parameter v, over the domain of the first one; the second's own parameter follows evenly.
+
+    meet: whether the guides may meet somewhere, so that the chord's direction must come from its change there.
+    """
 
     curves: tuple[AbstractCurve, ...]
+    meet: bool = eqx.field(static=True, default=True)
 
     @property
     def domain(self) -> tuple[Any, Any]:
@@ -30,6 +34,10 @@ class Guides(eqx.Module):
     @property
     def dtype(self) -> Any:
         return self.curves[0].dtype
+
+    def prepared(self) -> "Guides":
+        """The same guides, prepared for many points."""
+        return Guides(tuple(curve.prepared() for curve in self.curves), self.meet)
 
     def at(self, v: Float[Array, ""]) -> "Station":
         """What there is to know at one parameter, inside traced code."""
@@ -102,6 +110,8 @@ class Station:
     @cached_property
     def chord_direction(self) -> Float[Array, "3"]:
         """The unit chord; where the guides meet, its limit from inside."""
+        if not self.guides.meet:
+            return unit(self.chord)
         change = self.velocities[1] - self.velocities[0]
         a, b = self.guides.domain
         change = jnp.where(self.guides.share(self.v) > 0.5, -change, change) * (b - a)

@@ -1,4 +1,4 @@
-"""The smallest rotation between two directions, through half turns: also where they are opposite."""
+"""The smallest rotation between two directions by half turns, also where they are opposite."""
 
 from collections.abc import Callable
 
@@ -14,19 +14,8 @@ _NEAR = 1e-2  # |f₀ + f| below which the sum has lost digits that the path can
 _AT = 1e-8  # and below which it has none
 
 
-def smallest_rotation(
-    first: Float[Array, "3"],
-    direction: Callable[[Float[Array, ""]], Float[Array, "3"]],
-    v: Float[Array, ""],
-    *,
-    opposite: bool,
-) -> Float[Array, "3 3"]:
-    """The smallest rotation from a unit vector to `direction(v)`: two half turns, about it and about what lies half way.
-
-    opposite: whether the direction may come near −first. There every axis across serves. A path that goes through the
-    opposite direction takes its own: half way lies its tangent, as the limit from both sides says.
-    """
-    half_way = _half_way(first, direction, v) if opposite else unit(first + direction(v))
+def smallest_rotation(first: Float[Array, "3"], half_way: Float[Array, "3"]) -> Float[Array, "3 3"]:
+    """The smallest rotation from a unit vector past a unit vector half way: two half turns, about the one and the other."""
     return _half_turn(half_way) @ _half_turn(first)
 
 
@@ -34,12 +23,15 @@ def _half_turn(axis: Float[Array, "3"]) -> Float[Array, "3 3"]:
     return 2 * axis[:, None] * axis[None, :] - jnp.eye(3, dtype=axis.dtype)
 
 
-def _half_way(
+def half_way(
     first: Float[Array, "3"], direction: Callable[[Float[Array, ""]], Float[Array, "3"]], v: Float[Array, ""]
 ) -> Float[Array, "3"]:
-    """unit(f₀ + f(v)), or its negative. Near the opposite direction the sum is nearly a multiple of f' amid the way from
-    there: the rest, if it is no more than rounding, is left out. Its slope is that of the sum, and where that has no digits
-    the slope of f'."""
+    """unit(f₀ + f(v)), or its negative, also where f is opposite to f₀ and every axis across would serve.
+
+    A path through the opposite direction takes its own axis, as the limit from both sides says: near it the sum is nearly a
+    multiple of f' amid the way from there; the rest, if it is no more than rounding, is left out. The slope is that of the
+    sum, and where that has no digits the slope of f'.
+    """
     now, slope = value_and_slope(direction, v)
     whole = first + now
     since = divide(whole @ slope, slope @ slope)  # from the opposite direction until v

@@ -19,7 +19,7 @@ from ..curve import AbstractCurve
 from ..differential import ByArcLength
 from ._blend import as_blend, smoothstep
 from ._guides import Guides
-from ._placing import placed, size_of, without_points
+from ._placing import chords_vanish, placed, size_of, without_points
 from ._rotation import opposite_places, places_between
 from ._rotations import as_rotation
 from ._sweep import Sweep
@@ -72,6 +72,7 @@ def sweep(
     size, known = 1.0, is_concrete(characters, pair)
     if known:
         size = size_of((*characters, *guides))
+        pair = Guides(guides, chords_vanish(pair, 1e-6 * size))
         characters = tuple(
             placed(c, pair, end, f"characters[{i}]", tolerance=tolerance, size=size, move=move)
             for i, (c, end) in enumerate(zip(characters, ends, strict=True))

@@ -9,10 +9,12 @@ from jaxtyping import Array, Float
 from .._arguments import early
 from .._array import concrete, eps
 from .._errors import InputError
+from .._safe import norm
 from ..curve import AbstractCurve
 from ..edit import transform
 from ..quaternion import minimal_rotation, to_matrix
 from ._guides import Guides
+from ._rotation import sampled
 
 
 def placed(
@@ -74,6 +76,13 @@ def without_points(
         raise InputError("The guides meet where the character is, so it cannot grow from there; reverse the guides.")
     characters, ends = zip(*kept, strict=True)
     return characters, ends
+
+
+def chords_vanish(guides: Guides, allowed: float) -> bool:
+    """Whether two known guides meet, or nearly so, at one of many places."""
+    if len(guides.curves) == 1:
+        return False
+    return bool(sampled(guides, lambda here: norm(here.chord))[1].min() <= allowed)
 
 
 def ends_of(curve: AbstractCurve) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:

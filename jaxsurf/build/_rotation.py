@@ -18,7 +18,7 @@ from .._registry import register
 from .._safe import norm, unit
 from ..quaternion import to_matrix
 from ._guides import Guides, Station
-from ._half_way import smallest_rotation
+from ._half_way import half_way, smallest_rotation
 
 SAMPLES = 64
 """Places per smooth span where known guides are looked at."""
@@ -76,8 +76,9 @@ class _SmallestRotation(AbstractRotation):
         return self.direction(start)
 
     def matrix(self, known: Any, here: Station) -> Float[Array, "3 3"]:
-        along = lambda v: self.direction(here.guides.at(v))
-        return smallest_rotation(known, along, here.v, opposite=self.opposite)
+        if not self.opposite:
+            return smallest_rotation(known, unit(known + self.direction(here)))
+        return smallest_rotation(known, half_way(known, lambda v: self.direction(here.guides.at(v)), here.v))
 
 
 @register
@@ -237,7 +238,7 @@ def _values(guides: Guides, f: Callable[[Station], Array], places: Float[np.ndar
 
 @eqx.filter_jit
 def _values_at(guides: Guides, f: Callable[[Station], Array], v: Float[Array, "n"]) -> Array:
-    ready = Guides(tuple(curve.prepared() for curve in guides.curves))
+    ready = guides.prepared()
     return jax.vmap(lambda t: f(ready.at(t)))(v)
 
 

@@ -91,7 +91,7 @@ class RotationMinimising(FrameRotation):
 def _table(guides: Guides, steps: int, closed: bool) -> _Table:
     edges = jnp.asarray(guides.breaks(), guides.dtype)
     share = jnp.arange(steps, dtype=guides.dtype) / steps
-    places = jnp.append((edges[:-1, None] + jnp.diff(edges)[:, None] * share).reshape(-1), edges[-1])
+    places = jnp.append((edges[:-1, None] + jnp.diff(edges)[:, None] * share[None, :]).reshape(-1), edges[-1])
     points, tangents = jax.vmap(lambda v: (guides.at(v).positions[0], guides.at(v).tangent))(places)
 
     def step(side: Array, rows: Any) -> tuple[Array, Array]:

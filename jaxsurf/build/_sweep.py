@@ -44,7 +44,7 @@ class Sweep(AbstractSurface):
 
     def prepared(self) -> "PreparedSweep":
         """The sweep with all that does not depend on u and v computed."""
-        guides = Guides(tuple(curve.prepared() for curve in self.guides.curves))
+        guides = self.guides.prepared()
         characters = tuple(curve.prepared() for curve in self.characters)
         starts = tuple(self._start(guides, curve, end) for curve, end in zip(characters, self.ends, strict=True))
         return PreparedSweep(self, characters, guides, starts)
@@ -55,7 +55,7 @@ class Sweep(AbstractSurface):
         # a kind that was made ready stays so: what fits and is finer than needed is not made anew
         curves = tuple(curve.renewed() for curve in self.guides.curves)
         characters = tuple(curve.renewed() for curve in self.characters)
-        guides = Guides(curves)
+        guides = Guides(curves, self.guides.meet)
         return Sweep(characters, guides, self.rotation.settled(guides), self.blend, self.scale, self.ends)
 
     def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
