@@ -26,7 +26,7 @@ from jaxsurf.cli._progress_bar import watching
 FORMATS = runpy.run_path(str(Path(__file__).parent / "io" / "cloud_files.py"))["FORMATS"]
 NOISE = 0.005
 OPTIONS = ("output", "spans", "tolerance", "quantile", "max-spans", "degree", "smooth", "loss", "holdout", "trim")
-OPTIONS += ("unit", "report", "picture", "save", "quiet")
+OPTIONS += ("unit", "report", "picture", "save", "quiet", "family", "tangents")
 CACHE = (
     "jax_enable_x64",
     "jax_compilation_cache_dir",
@@ -147,6 +147,45 @@ def test_a_tolerance_out_of_reach_is_said(cloud, tmp_path):
     assert done.status == 0 and "The tolerance was not met: 0" in done.out
 
 
+# --- quaternion integral surfaces
+
+
+@pytest.fixture(scope="module")
+def fitted_qi(cloud, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fitted_qi")
+    names = {"--save": "s.jxs", "--report": "r.html", "-o": "s.step"}
+    files = [part for option, name in names.items() for part in (option, folder / name)]
+    return folder, run("fit", cloud, "--family", "qi", "--tangents", "3x3", "--holdout", 0, *files)
+
+
+def printed(done, label):
+    """The figure that the summary prints after a label."""
+    (line,) = [line for line in done.out.splitlines() if line.startswith(label)]
+    return float(line[len(label) :].split()[0])
+
+
+def test_a_qi_surface_meets_the_points_as_near_as_is_printed(fitted_qi):
+    folder, done = fitted_qi
+    assert done.status == 0
+    surface = js.load(folder / "s.jxs")
+    assert isinstance(surface, js.QISurface) and surface.tangents.shape == (3, 3, 3)
+    distance = np.asarray(js.closest_point(surface, sheet()).distance)
+    rms = np.sqrt(np.mean(distance**2))
+    assert abs(rms - printed(done, "rms deviation  ")) < 1e-3 * rms  # four digits are printed
+
+
+def test_a_qi_surface_is_written_to_cad_and_reported_with_its_peer(fitted_qi):
+    folder, done = fitted_qi
+    assert sorted(path.name for path in folder.iterdir()) == ["r.html", "s.jxs", "s.step"]
+    assert "B_SPLINE_SURFACE" in (folder / "s.step").read_text()
+    lines = [" ".join(line.split()) for line in done.out.splitlines()]
+    for line in ("control tangents 3 × 3, and 3 of the initial curve", "degree 2 × 2", "numbers that shape it 31"):
+        assert line in lines
+    assert printed(done, "rms deviation of a B-spline with 36 numbers") > 0
+    report = (folder / "r.html").read_text()
+    assert "3 × 3, and 3 of the initial curve" in report and "B-spline with 36 numbers" in report
+
+
 # --- help
 
 
@@ -155,7 +194,7 @@ def test_help_lists_every_option():
     assert done.status == 0 and done.err == ""
     for option in OPTIONS:
         assert f"--{option}" in done.out
-    for command in ("fit", "bench"):
+    for command in ("fit", "gallery", "bench"):
         assert f"    {command} " in run("--help").out
 
 
@@ -254,6 +293,16 @@ ARGUMENTS = {
     "most spans": (("-o", "{}/s.step", "--max-spans", "0"), "`max_spans` must be at least 1"),
     "smoothing": (("-o", "{}/s.step", "--smooth", "-1"), "`fairness`.* must be ≥ 0"),
     "smoothing NaN": (("-o", "{}/s.step", "--smooth", "nan"), "`fairness`.* must be ≥ 0"),
+    "spans of qi": (
+        ("-o", "{}/s.step", "--family", "qi", "--spans", "3x3"),
+        "`--spans` and `--tolerance` belong to `--family bspline`; a QI surface takes `--tangents`",
+    ),
+    "tangents of a B-spline": (("-o", "{}/s.step", "--tangents", "3x3"), "`--tangents` belongs to `--family qi`"),
+    "few tangents": (
+        ("-o", "{}/s.step", "--family", "qi", "--tangents", "2x3"),
+        r"`tangents` must be two whole numbers > `degree` = 2 such as .* got \(2, 3\)",
+    ),
+    "family": (("-o", "{}/s.step", "--family", "nurbs"), "--family: invalid choice: 'nurbs'"),
     "unknown option": (("-o", "{}/s.step", "--smoth", "1"), "unrecognized arguments: --smoth 1"),
 }
 
