@@ -51,7 +51,7 @@ class RotationMinimising(FrameRotation):
         if not self.tolerance > 0:
             raise InputError(f"`tolerance` must be a number > 0, got {self.tolerance!r}.")
 
-    def settled(self, guides: Guides) -> AbstractRotation:
+    def settled(self, guides: Guides) -> "RotationMinimising":
         if not is_concrete(guides):
             return self if self.steps is None else self._with(self.steps, self.closed)
         closed = _is_closed(guides)
@@ -67,6 +67,11 @@ class RotationMinimising(FrameRotation):
             if off < self.tolerance:
                 break
         return self._with(steps, closed)
+
+    def renewed(self, guides: Guides) -> AbstractRotation:
+        found = self.settled(guides)
+        enough = found.ready_steps <= self.ready_steps and found.closed == self.closed
+        return self if enough else found
 
     def _with(self, steps: int, closed: bool) -> "RotationMinimising":
         return RotationMinimising(self.steps, self.tolerance, steps, closed)
