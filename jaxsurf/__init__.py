@@ -10,12 +10,22 @@ from .basis import (
     uniform_knots as uniform_knots,
 )
 from .build import (
+    Coons as Coons,
+    ExtendedCoons as ExtendedCoons,
+    Extrusion as Extrusion,
+    Loft as Loft,
     OrientationRotation as OrientationRotation,
+    Revolution as Revolution,
     RotationMinimising as RotationMinimising,
     Smoothstep as Smoothstep,
     Sweep as Sweep,
     UpRotation as UpRotation,
+    coons as coons,
+    extended_coons as extended_coons,
+    extrude as extrude,
     linear as linear,
+    loft as loft,
+    revolve as revolve,
     smoothstep as smoothstep,
     sweep as sweep,
 )

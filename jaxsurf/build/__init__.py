@@ -4,8 +4,13 @@ from ._blend import (
     linear as linear,
     smoothstep as smoothstep,
 )
+from ._coons import Coons as Coons, coons as coons
+from ._extended_coons import ExtendedCoons as ExtendedCoons, extended_coons as extended_coons
+from ._extrude import Extrusion as Extrusion, extrude as extrude
+from ._loft import Loft as Loft, loft as loft
 from ._make_sweep import sweep as sweep
 from ._orientations import OrientationRotation as OrientationRotation
+from ._revolve import Revolution as Revolution, revolve as revolve
 from ._rotation import AbstractRotation as AbstractRotation, UpRotation as UpRotation
 from ._rotation_minimising import RotationMinimising as RotationMinimising
 from ._sweep import Sweep as Sweep

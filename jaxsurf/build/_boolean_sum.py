@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +12,7 @@ from .._arguments import early
 from .._array import concrete, is_concrete
 from ..edit._spline_axis import SplineAxis
 from ..surface import AbstractSurface, BSplineSurface
+from ._blend import AbstractBlend, Smoothstep
 from ._family import Family
 from ._same_knots import as_axes, product, same_knots
 
@@ -27,10 +29,11 @@ class BooleanSum(AbstractSurface):
     across_u: Any
     across_v: Any
     crossings: Float[Array, "n m 3"]
+    bounds: tuple[tuple[Any, Any], tuple[Any, Any]]
 
     @property
     def domain(self) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
-        return self.along_u.domain, self.along_v.domain
+        return self.bounds
 
     def prepared(self) -> "BooleanSum":
         return self
@@ -47,15 +50,52 @@ class BooleanSum(AbstractSurface):
         return first + jnp.einsum("ai,bid->abd", m, self.along_v.rows(v), precision="highest")
 
 
+class BlendedPair(eqx.Module):
+    """The weights 1 − φ and φ of two opposite sides, over a domain."""
+
+    blend: AbstractBlend
+    domain: tuple[Any, Any]
+
+    def __call__(self, t: Float[Array, ""]) -> Float[Array, "2"]:
+        a, b = self.domain
+        share = self.blend((t - a) / (b - a))
+        return jnp.stack([1 - share, share])
+
+    def axis(self) -> SplineAxis | None:
+        """The weights as splines, one in each column; None if the blend is no polynomial that we know."""
+        if not isinstance(self.blend, Smoothstep) or not is_concrete(self.domain):
+            return None
+        times = self.blend.order + 1  # the first control points of φ are 0, as many at its end are 1 (Bernstein)
+        ends = [jnp.asarray(end) for end in self.domain]
+        dtype = ends[0].dtype
+        knots = early(lambda: jnp.asarray(np.repeat([float(end) for end in ends], 2 * times), dtype))
+        matrix = early(lambda: jnp.asarray(np.repeat(np.eye(2), times, axis=0), dtype))
+        return SplineAxis(matrix, knots, 2 * times - 1)
+
+
+def meetings(
+    along_u: Family, along_v: Family, u: Float[Array, "n"], v: Float[Array, "m"]
+) -> tuple[Float[Array, "n m 3"], Float[Array, "n m 3"]]:
+    """Where curve i of v and curve j of u are at (u_i, v_j): the points amid both, and the gaps from the first to the other.
+
+    Amid: neither family is preferred where they do not quite meet.
+    """
+    mine, other = along_u.rows(u), jnp.swapaxes(along_v.rows(v), 0, 1)
+    return (mine + other) / 2, mine - other
+
+
 def spline_of_sum(surface: BooleanSum) -> BSplineSurface | None:
     """The sum as one B-spline surface, exactly; None if a curve or a weight is no spline on known knots."""
+    bounds, whole = surface.domain, (surface.along_u.domain, surface.along_v.domain)
+    if not is_concrete(bounds, whole) or not np.array_equal(np.asarray(bounds, float), np.asarray(whole, float)):
+        return None  # curves that run on beyond the surface
     families = as_axes(surface.along_u.curves), as_axes(surface.along_v.curves)
     weights = surface.across_u.axis(), surface.across_v.axis()
-    if any(each is None or not is_concrete(each) for each in (*families, *weights, surface.domain)):
+    if any(each is None for each in (*families, *weights)):
         return None
     (rows, columns), (across_u, across_v) = families, weights
-    assert rows and columns
-    along_u, along_v = (_stacked(same_knots(axes, ends)) for axes, ends in zip((rows, columns), surface.domain, strict=True))
+    assert rows and columns and across_u and across_v
+    along_u, along_v = (_stacked(same_knots(axes, ends)) for axes, ends in zip((rows, columns), bounds, strict=True))
     # (u, v, 3) with the axis of each direction: curves of u, curves of v, and the crossings
     nets = (
         jnp.einsum("ajd,bj->abd", along_u.net, across_v.net, precision="highest"),
