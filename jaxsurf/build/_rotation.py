@@ -36,6 +36,10 @@ class AbstractRotation(eqx.Module):
         """The same kind, made ready for these guides."""
         return self
 
+    def renewed(self, guides: Guides) -> "AbstractRotation":
+        """The same kind, made ready for these guides where it was not."""
+        return self
+
     @abc.abstractmethod
     def known(self, guides: Guides, start: Station) -> Any:
         """What `matrix` needs and v does not change."""
@@ -71,6 +75,9 @@ class _SmallestRotation(AbstractRotation):
         directions = sampled(guides, self.direction)[1]
         nearest = min(float(np.linalg.norm(directions + directions[end], axis=1).min()) for end in (0, -1))
         return type(self)(opposite=nearest < 0.3)
+
+    def renewed(self, guides: Guides) -> AbstractRotation:
+        return self if self.opposite else self.settled(guides)
 
     def known(self, guides: Guides, start: Station) -> Any:
         return self.direction(start)

@@ -27,7 +27,8 @@ class Sweep(AbstractSurface):
     the second, where they end, and swept from there; guides: one or two curves of v. u and v run over the domains of the
     first character and of the first guide; those of the second ones follow evenly. M = R, the `rotation`, times what `scale`
     says for two guides: "uniform", by the length of the chord C₂ − C₁; "chord", along the chord only; "none". The anchor is
-    C₁ at the start, or with two guides the character's own first point. ends: where each character is placed, "first" or
+    C₁ at the start. With two guides it is the character's own first point, and what lacks between its ends to the chord is
+    added evenly along it: whatever the control data, both guides are met. ends: where each character is placed, "first" or
     "last". Source: Jōnishi, Yajima (paper 000), (2.1), (2.2).
     """
 
@@ -52,11 +53,10 @@ class Sweep(AbstractSurface):
     def renewed(self) -> "Sweep":
         if not is_concrete(self):
             return self
-        # a kind that was made ready stays so: what fits and is finer than needed is not made anew
         curves = tuple(curve.renewed() for curve in self.guides.curves)
         characters = tuple(curve.renewed() for curve in self.characters)
         guides = Guides(curves, self.guides.meet)
-        return Sweep(characters, guides, self.rotation.settled(guides), self.blend, self.scale, self.ends)
+        return Sweep(characters, guides, self.rotation.renewed(guides), self.blend, self.scale, self.ends)
 
     def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
         return self.prepared().point(u, v)
@@ -69,16 +69,18 @@ class Sweep(AbstractSurface):
         known = self.rotation.known(guides, station)
         if len(guides.curves) == 1:
             one = jnp.ones((), self.dtype)
-            return _Start(known, station.positions[0], one, jnp.zeros(3, self.dtype))
-        anchor = character.point(jnp.asarray(character.domain[0], self.dtype))
-        return _Start(known, anchor, station.chord_length, station.chord_direction)
+            return _Start(known, station.positions[0], None, one, jnp.zeros(3, self.dtype))
+        first, last = (character.point(jnp.asarray(end, self.dtype)) for end in character.domain)
+        lacks = station.chord - (last - first)
+        return _Start(known, first, lacks, station.chord_length, station.chord_direction)
 
 
 class _Start(eqx.Module):
-    """Where a character is placed: what the rotation knows, the anchor, and the chord's length and direction there."""
+    """Where a character is placed: what the rotation knows, the anchor, what it lacks to the chord, and the chord there."""
 
     known: Any
     anchor: Float[Array, "3"]
+    lacks: Float[Array, "3"] | None
     chord_length: Float[Array, ""]
     chord_direction: Float[Array, "3"]
 
@@ -119,10 +121,13 @@ class PreparedSweep(AbstractSurface):
         return total
 
     def _offsets(self, u: Float[Array, ""]) -> list[Float[Array, "3"]]:
-        """C(u) − anchor of each character."""
-        first, *others = self.characters
-        places = [u] + [carried(u, first.domain, c.domain) for c in others]
-        return [c.point(t) - s.anchor for c, t, s in zip(self.characters, places, self.starts, strict=True)]
+        """C(u) − anchor of each character, its ends on the guides."""
+        a, b = self.domain[0]
+        found = []
+        for character, start in zip(self.characters, self.starts, strict=True):
+            offset = character.point(carried(u, self.domain[0], character.domain)) - start.anchor
+            found.append(offset if start.lacks is None else offset + (u - a) / (b - a) * start.lacks)
+        return found
 
     def _row(self, v: Float[Array, ""]) -> _Row:
         here = self.guides.at(v)
