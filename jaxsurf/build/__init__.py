@@ -7,8 +7,13 @@ from ._blend import (
 from ._coons import Coons as Coons, coons as coons
 from ._extended_coons import ExtendedCoons as ExtendedCoons, extended_coons as extended_coons
 from ._extrude import Extrusion as Extrusion, extrude as extrude
+from ._gordon import Gordon as Gordon, gordon as gordon
 from ._loft import Loft as Loft, loft as loft
+from ._make_network import network as network
 from ._make_sweep import sweep as sweep
+from ._network import Network as Network
+from ._network_curves import NetworkEdge as NetworkEdge
+from ._network_topology import NetworkTopology as NetworkTopology
 from ._orientations import OrientationRotation as OrientationRotation
 from ._revolve import Revolution as Revolution, revolve as revolve
 from ._rotation import AbstractRotation as AbstractRotation, UpRotation as UpRotation

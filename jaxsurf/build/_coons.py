@@ -28,7 +28,7 @@ class Coons(AbstractSurface):
     """S(u, v) = (1 − φ(s)) u0(v) + φ(s) u1(v) + (1 − ψ(t)) v0(u) + ψ(t) v1(u) − the same of the corners.
 
     u0, u1: the sides u = first, last, curves of v; v0, v1: the sides v = first, last, curves of u. u runs over the domain of
-    v0, v over that of u0, those of the opposite curves follow evenly; s and t are u and v from 0 to 1. blend_u, blend_v: φ, ψ.
+    v0, v over that of u0, those of the opposite ones follow evenly; s and t are u and v from 0 to 1. blend_u, blend_v: φ, ψ.
     Made by `js.coons`, which checks that corners meet; where they do not quite, all sides are off by half the gap at most.
     Source: Farin, Curves and Surfaces for CAGD, §22.2.
     """
@@ -59,25 +59,27 @@ def coons(u0: Any, u1: Any, v0: Any, v1: Any, *, blend: Any = linear, tolerance:
     """The Coons patch between four boundary curves, exactly met.
 
     u0, u1: the sides u = first and u = last, curves of v; v0, v1: the sides v = first and v = last, curves of u. blend: φ on
-    [0, 1], such as `js.linear` or `js.smoothstep`, or a pair of them for u and v; with `js.smoothstep` the derivatives across
-    a side are those of the curves that end on it, blended. B-spline sides and such a blend convert to one B-spline exactly.
+    [0, 1], such as `js.linear` or `js.smoothstep`, or a pair of them for u and v; with `js.smoothstep` derivatives across a
+    side are those of the curves that end on it, blended. B-spline sides and such a blend convert to one B-spline exactly.
     Raises `InputError` where corners are further apart than `tolerance` times the size. Source: Coons, 1967; Farin, §22.2.
     """
     sides = {"u0": u0, "u1": u1, "v0": v0, "v1": v1}
     for name, curve in sides.items():
         check_curve(curve, name)
     sides = of_one_type(sides)
-    patch = Coons(**sides, **blends(blend, sides["u0"].dtype))
+    blend_u, blend_v = blends(blend, sides["u0"].dtype)
+    patch = Coons(sides["u0"], sides["u1"], sides["v0"], sides["v1"], blend_u, blend_v)
     check_corners(sides, tolerance)
     return patch
 
 
-def blends(blend: Any, dtype: Any) -> dict[str, AbstractBlend]:
+def blends(blend: Any, dtype: Any) -> tuple[AbstractBlend, AbstractBlend]:
     """One blend for both directions, or a pair (u, v)."""
     pair = blend if isinstance(blend, tuple | list) else (blend, blend)
     if len(pair) != 2:
         raise InputError(f"`blend` must be one function or a pair for u and v, got {len(pair)}.")
-    return {f"blend_{name}": as_blend(each, dtype) for name, each in zip("uv", pair, strict=True)}
+    in_u, in_v = (as_blend(each, dtype) for each in pair)
+    return in_u, in_v
 
 
 def boolean_sum(

@@ -43,7 +43,7 @@ class ExtendedCoons(AbstractSurface):
     def completed(self) -> Coons:
         """The patch with a curve on every side."""
         sides = completed({name: getattr(self, name) for name in _OPPOSITE})
-        return Coons(**sides, blend_u=self.blend_u, blend_v=self.blend_v)
+        return Coons(sides["u0"], sides["u1"], sides["v0"], sides["v1"], self.blend_u, self.blend_v)
 
     def prepared(self) -> BooleanSum:
         """The patch with its sides and corners computed."""
@@ -77,14 +77,15 @@ def extended_coons(
         raise InputError(f"At least two of `u0`, `u1`, `v0`, `v1` must be curves, got {len(curves)}; give further sides.")
     dtype = of_one_type(curves)[0].dtype
     sides = {name: _side(side, name, dtype) for name, side in given.items()}
-    patch = ExtendedCoons(**sides, **blends(blend, dtype))
+    blend_u, blend_v = blends(blend, dtype)
+    patch = ExtendedCoons(sides["u0"], sides["u1"], sides["v0"], sides["v1"], blend_u, blend_v)
     check_corners(completed(sides), tolerance)
     return patch
 
 
 def completed(sides: dict[str, Any]) -> dict[str, AbstractCurve]:
     """All four sides as curves."""
-    out = {name: Line(side, side) if eqx.is_array(side) else side for name, side in sides.items()}
+    out: dict[str, Any] = {name: Line(side, side) if eqx.is_array(side) else side for name, side in sides.items()}
     missing = [name for name, side in sides.items() if side is None]
     ends = {name: _ends(side) for name, side in out.items() if side is not None}
     neighbours = len(missing) == 2 and missing[0][0] != missing[1][0]

@@ -27,8 +27,8 @@ class Revolution(AbstractSurface):
     """S(u, v): the curve's point at u, turned by v radians about the line through `origin` along `axis`.
 
     curve: in space; origin, axis: (3,); angle: 0 < angle ≤ 2π, where v ends. u runs along the curve. S = C + sin v w +
-    2 sin²(v/2) n × w with w = n × (C − origin), n the unit axis (Rodrigues): the curve itself at v = 0, and smooth where it is
-    on the axis. There S_v vanishes: a pole. With 2π it closes to round-off.
+    2 sin²(v/2) n × w with w = n × (C − origin), n the unit axis (Rodrigues): the curve itself at v = 0, and smooth where
+    that is on the axis. There S_v vanishes: a pole. With 2π it closes to round-off.
     """
 
     curve: AbstractCurve
