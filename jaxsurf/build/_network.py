@@ -1,0 +1,385 @@
+"""A network of guides and characters as patches that share their edges."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._array import Numbers, as_float, concrete, float_type, is_concrete
+from .._errors import InputError
+from .._registry import register
+from .._safe import norm
+from ..curve import AbstractCurve
+from ._blend import AbstractBlend
+from ._guides import Guides
+from ._network_crossings import FIRST, THERE, follow_crossings
+from ._network_curves import NetworkEdge, Stacks, stacked, structures, wrapped
+from ._network_topology import NetworkTopology, form
+from ._rotation import AbstractRotation
+from ._sweep import Sweep
+
+
+class InnerEdge(NamedTuple):
+    """An edge that two patches share: (patch, side) of both, side "u0", "u1", "v0" or "v1".
+
+    reversed: whether the sides' parameters run in opposite directions. first_part, second_part: which part of each side it
+    is, as shares in the order of the first side; (0, 1) of both sides but where a curve ends amid a longer side.
+    """
+
+    first: tuple[int, str]
+    second: tuple[int, str]
+    reversed: bool
+    first_part: tuple[float, float]
+    second_part: tuple[float, float]
+
+
+class OuterEdge(NamedTuple):
+    """An edge of one patch alone: patch, side, which part of it, and whether a curve was given there."""
+
+    patch: int
+    side: str
+    part: tuple[float, float]
+    given: bool
+
+
+class NetworkNode(NamedTuple):
+    """Where curves meet. valence: parts of curves that leave it and bound patches; inner: patches all round.
+
+    corners: (patch, (i, j)), corner u = i, v = j; sides: (patch, side) of patches for which it lies amid a side.
+    """
+
+    point: Float[Array, "3"]
+    valence: int
+    inner: bool
+    corners: tuple[tuple[int, tuple[int, int]], ...]
+    sides: tuple[tuple[int, str], ...]
+
+
+class Gap(NamedTuple):
+    """A crossing: numbers of the guide and of the character, their parameters, and how far apart they are there."""
+
+    guide: int
+    character: int
+    parameters: tuple[float, float]
+    distance: float
+
+
+class PatchClass(NamedTuple):
+    """Patches of one structure: their numbers, and rows and ends of their curves, (curves, patches) and (…, 2)."""
+
+    members: tuple[int, ...]
+    guides: int
+    groups: tuple[int, ...]
+    closed: tuple[bool, ...]
+    curves: np.ndarray
+    rows: np.ndarray
+    ends: np.ndarray
+
+
+class _Nodes(NamedTuple):
+    """Parameters of the nodes on each curve, with the ends of the curve behind them, and the offsets there."""
+
+    places: Float[Array, "c n"]
+    ends: Float[Array, "c n2"]
+    offsets: Float[Array, "c n 3"]
+    points: Float[Array, "nodes 3"]
+
+
+@register
+class Network(eqx.Module):
+    """Guides and characters that cross, and the patches between them; made by `js.network`.
+
+    A pure function of `guides` and `characters`: change these with `equinox.tree_at` or derive by them; the crossings follow
+    (Newton, implicit derivatives), which curves cross and bound which patch stays. Each patch runs over [0, 1] × [0, 1].
+    Guides are kept; where a character passes a guide at a distance it is moved onto it, see `NetworkEdge`.
+    """
+
+    guides: tuple[AbstractCurve, ...]
+    characters: tuple[AbstractCurve, ...]
+    parameters: Float[Array, "crossings 2"]
+    topology: NetworkTopology
+    rotations: tuple[AbstractRotation, AbstractRotation]
+    blend: AbstractBlend
+    scale: str = eqx.field(static=True)
+
+    @property
+    def dtype(self) -> Any:
+        """The floating type of the curves."""
+        return float_type((self.guides, self.characters))
+
+    @property
+    def patches(self) -> tuple[Sweep, ...]:
+        """The patches, each a `Sweep` on [0, 1] × [0, 1]; computed anew at each call."""
+        found: list[Any] = [None] * len(self.topology.cells)
+        for kind, together in zip(_classes(self), stacked_patches(self), strict=True):
+            if is_concrete(together):
+                together = jax.tree.map(lambda leaf: concrete(leaf) if eqx.is_array(leaf) else leaf, together)
+            for row, patch in enumerate(kind.members):
+                pick = lambda leaf, row=row: jnp.asarray(leaf[row]) if eqx.is_array(leaf) else leaf
+                found[patch] = jax.tree.map(pick, together)
+        return tuple(found)
+
+    def classes(self) -> "list[PatchClass]":
+        """Patches sorted by form and by structures of curves: each class is compiled once."""
+        return _classes(self)
+
+    @property
+    def forms(self) -> tuple[str, ...]:
+        """The basic form of each patch, such as "2 guides + 1 character"."""
+        return tuple(form(cell) for cell in self.topology.cells)
+
+    def grid(self, u: Numbers, v: Numbers) -> Float[Array, "patches m k 3"]:
+        """Points of all patches at u (m,), v (k,) in [0, 1]; patches of one form and structure are compiled once."""
+        u, v = as_float(u, self.dtype), as_float(v, self.dtype)
+        if u.ndim != 1 or v.ndim != 1:
+            raise InputError(f"`u` and `v` of a grid must be one-dimensional, got shapes {u.shape} and {v.shape}.")
+        return _grid(self, u, v)
+
+    def inner_edges(self) -> tuple[InnerEdge, ...]:
+        """Edges that two patches share."""
+        edges = [edge for edge in self.topology.edges() if len(edge.sides) == 2]
+        parts = _parts(self, [(s, p) for e in edges for s, p in zip(e.sides, e.positions, strict=True)])
+        pairs = zip(parts[::2], parts[1::2], strict=True)
+        return tuple(InnerEdge(*e.sides[:2], e.reversed, *pair) for e, pair in zip(edges, pairs, strict=True))
+
+    def outer_edges(self) -> tuple[OuterEdge, ...]:
+        """Edges of one patch alone: the rim, and free sides along which no curve was given."""
+        edges = [edge for edge in self.topology.edges() if len(edge.sides) == 1]
+        given = [edge for edge in edges if edge.positions]
+        parts = iter(_parts(self, [(edge.sides[0], edge.positions[0]) for edge in given]))
+        return tuple(
+            OuterEdge(*edge.sides[0], next(parts) if edge.positions else (0.0, 1.0), bool(edge.positions)) for edge in edges
+        )
+
+    @property
+    def nodes(self) -> tuple[NetworkNode, ...]:
+        """The nodes, with what lies about them."""
+        return _nodes(self)
+
+    @property
+    def gaps(self) -> tuple[Gap, ...]:
+        """All crossings with the distances between their curves."""
+        places, apart = _gaps(self)
+        if is_concrete(places, apart):
+            places, apart = concrete(places).tolist(), concrete(apart).tolist()
+        pairs = self.topology.crossings
+        return tuple(
+            Gap(i, j - self.topology.guides, tuple(at), d) for (i, j), at, d in zip(pairs, places, apart, strict=True)
+        )
+
+    @property
+    def largest_gap(self) -> Any:
+        """The largest distance between curves that cross."""
+        return max(gap.distance for gap in self.gaps)
+
+
+def _curves(network: Network) -> tuple[AbstractCurve, ...]:
+    return (*network.guides, *network.characters)
+
+
+def _classes(network: Network) -> list[PatchClass]:
+    """Patches sorted by form and structures of curves."""
+    topology = network.topology
+    group_of, row_of = structures(_curves(network), topology.closed)
+    found: dict[Any, list[int]] = {}
+    for patch, (guides, characters, *_) in enumerate(topology.cells):
+        runs = (*guides, *characters)
+        found.setdefault((len(guides), tuple(group_of[c] for c, _, _ in runs)), []).append(patch)
+    width = _width(topology)
+    classes = []
+    for (guides, groups), members in found.items():
+        runs = np.array([[*topology.cells[patch][0], *topology.cells[patch][1]] for patch in members]).swapaxes(0, 1)
+        curves = runs[..., 0]
+        closed = tuple(topology.closed[row[0]] for row in curves)
+        ends = np.array([[[_slot(topology, c, k, width) for k in (a, b)] for c, a, b in row] for row in runs])
+        classes.append(PatchClass(tuple(members), guides, groups, closed, curves, np.array(row_of)[curves], ends))
+    return classes
+
+
+def _width(topology: NetworkTopology) -> int:
+    """How many positions the tables have; one more than nodes, and of closed curves twice round."""
+    return max(len(row) * (2 if loop else 1) for row, loop in zip(topology.slots, topology.closed, strict=True)) + 1
+
+
+def _slot(topology: NetworkTopology, curve: int, position: int, width: int) -> int:
+    """Where a position's parameter is in the table of ends."""
+    if topology.closed[curve]:
+        return position
+    return width if position < 0 else width + 1 if position >= len(topology.slots[curve]) else position
+
+
+def _located(network: Network, stacks: Stacks) -> _Nodes:
+    """The nodes on all curves, inside traced code."""
+    topology = network.topology
+    held = np.array(topology.held, np.int32)
+    crossings = follow_crossings(stacks, topology.crossings, topology.closed, held, network.parameters)
+    dtype, count = network.dtype, len(topology.closed)
+    domains = jnp.stack([jnp.stack([jnp.asarray(end, dtype) for end in curve.domain]) for curve in _curves(network)])
+    known = jnp.concatenate([crossings.reshape(-1), domains[:, 0], domains[:, 1]])
+    width = _width(topology)
+    source, turns, steps = (np.zeros((count, width), int) for _ in range(3))
+    node = np.zeros((count, width), int)
+    nudged = np.zeros((count, width), bool)
+    for c, row in enumerate(topology.slots):
+        for k in range(width):
+            last = 2 * len(row) if topology.closed[c] else len(row) - 1
+            turns[c, k], inside = divmod(min(k, last), len(row))
+            steps[c, k] = max(0, k - last)
+            node[c, k], source[c, k] = row[inside]
+            nudged[c, k] = source[c, k] < 2 * len(held) and held.reshape(-1)[source[c, k]] in (FIRST, THERE)
+    period = (domains[:, 1] - domains[:, 0])[:, None]
+    places = known[source] + jnp.asarray(turns + steps, dtype) * period
+    points = jnp.zeros((count, width, 3), dtype)
+    for number, group in enumerate(stacks.groups):
+        members, loop = np.array(group.members), topology.closed[group.members[0]]
+        at = jax.vmap(lambda row, t, n=number, l=loop: _at(stacks.curve(n, row), t, l))
+        points = points.at[members].set(at(jnp.arange(len(members)), known[source[members]]))
+    chosen = np.zeros((topology.nodes, 2), int)
+    for c in range(count - 1, -1, -1):  # the first curve last: guides keep their place
+        for k in range(len(topology.slots[c])):
+            chosen[node[c, k]] = c, k
+    at_nodes = points[chosen[:, 0], chosen[:, 1]]
+    return _Nodes(places, _ends(places, domains, nudged), at_nodes[node] - points, at_nodes)
+
+
+def _at(curve: Any, t: Float[Array, "n"], closed: bool) -> Float[Array, "n 3"]:
+    return jax.vmap(lambda x: curve.point(wrapped(curve, x, closed)))(t)
+
+
+def _ends(places: Float[Array, "c n"], domains: Float[Array, "c 2"], nudged: np.ndarray) -> Float[Array, "c n2 2"]:
+    """Parameters of the ends of runs, as the lower and as the upper end: below a corner by a few roundings, so that the
+    tangent at the end is that of the run."""
+    table = jnp.concatenate([places, domains], axis=1)
+    roundings = (
+        4 * jnp.finfo(places.dtype).eps * jnp.maximum(jnp.max(jnp.abs(domains), axis=1), domains[:, 1] - domains[:, 0])
+    )
+    less = jnp.where(np.pad(nudged, ((0, 0), (0, 2))), roundings[:, None], 0)
+    return jnp.stack([table, table - less], axis=-1)
+
+
+def _patch(network: Network, kind: PatchClass, stacks: Stacks, nodes: _Nodes, member: Any) -> Sweep:
+    """One patch of a class; its number there may be traced."""
+    edges = []
+    for k, (group, loop) in enumerate(zip(kind.groups, kind.closed, strict=True)):
+        curve = jnp.asarray(kind.curves)[k, member]
+        ends = jnp.asarray(kind.ends)[k, member]
+        both = nodes.ends[curve][ends]
+        ascends = both[0, 0] < both[1, 0]
+        places = jnp.where(ascends, jnp.stack([both[0, 0], both[1, 1]]), jnp.stack([both[0, 1], both[1, 0]]))
+        whole = stacks.curve(group, jnp.asarray(kind.rows)[k, member])
+        edges.append(NetworkEdge(whole, nodes.places[curve], nodes.offsets[curve], places, loop))
+    guides, characters = tuple(edges[: kind.guides]), tuple(edges[kind.guides :])
+    rotation = network.rotations[kind.guides - 1]
+    scale = network.scale if kind.guides == 2 else "none"
+    return Sweep(characters, Guides(guides), rotation, network.blend, scale, ("first", "last")[: len(characters)])
+
+
+@eqx.filter_jit
+def stacked_patches(network: Network) -> list[Any]:
+    """The patches of each structure, with all their arrays stacked."""
+    nodes = _located(network, stacked(_curves(network), network.topology.closed))
+    plain = stacked(_curves(network), network.topology.closed, ready=False)
+    made = []
+    for kind in _classes(network):
+        make = lambda member, kind=kind: _patch(network, kind, plain, nodes, member)
+        made.append(eqx.filter_vmap(make)(jnp.arange(len(kind.members))))
+    return made
+
+
+@eqx.filter_jit
+def _grid(network: Network, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "p m k 3"]:
+    stacks = stacked(_curves(network), network.topology.closed)
+    nodes = _located(network, stacks)
+    classes = _classes(network)
+    parts = []
+    for kind in classes:
+        points = lambda member, kind=kind: _patch(network, kind, stacks, nodes, member).prepared().grid_points(u, v)
+        parts.append(jax.vmap(points)(jnp.arange(len(kind.members))))
+    order = np.argsort(np.concatenate([kind.members for kind in classes]))
+    return jnp.concatenate(parts)[order]
+
+
+@eqx.filter_jit
+def _gaps(network: Network) -> tuple[Float[Array, "x 2"], Float[Array, "x"]]:
+    topology = network.topology
+    stacks = stacked(_curves(network), topology.closed)
+    held = np.array(topology.held, np.int32)
+    places = follow_crossings(stacks, topology.crossings, topology.closed, held, network.parameters)
+    table = np.array(topology.crossings)
+    ends = jnp.zeros((len(table), 2, 3), network.dtype)
+    for side in (0, 1):
+        for number, group in enumerate(stacks.groups):
+            chosen = np.flatnonzero(np.isin(table[:, side], group.members))
+            if len(chosen):
+                rows = np.array([stacks.row_of[c] for c in table[chosen, side]])
+                loop = topology.closed[group.members[0]]
+                one = jax.vmap(lambda row, t, n=number, l=loop: _at(stacks.curve(n, row), t[None], l)[0])
+                ends = ends.at[chosen, side].set(one(jnp.asarray(rows), places[chosen, side]))
+    return places, norm(ends[:, 0] - ends[:, 1])
+
+
+@eqx.filter_jit
+def _tables(network: Network) -> tuple[Float[Array, "c n"], Float[Array, "n 3"]]:
+    nodes = _located(network, stacked(_curves(network), network.topology.closed))
+    return nodes.ends[..., 0], nodes.points
+
+
+def _parts(network: Network, wanted: list[tuple[tuple[int, str], tuple[int, int]]]) -> list[tuple[Any, Any]]:
+    """Parts of sides, given by positions on their runs, as shares."""
+    topology = network.topology
+    table, parts, width = None, [], _width(topology)
+    for (patch, side), (a, b) in wanted:
+        run = topology.sides(patch)[side]
+        assert run is not None
+        curve, first, last = run
+        if {a, b} == {first, last}:
+            parts.append((0.0, 1.0) if a == first else (1.0, 0.0))
+            continue
+        if table is None:
+            table = _tables(network)[0]
+            table = concrete(table) if is_concrete(table) else table
+        t = [table[curve, _slot(topology, curve, k, width)] for k in (first, last, a, b)]
+        shares = [(x - t[0]) / (t[1] - t[0]) for x in t[2:]]
+        parts.append(tuple(float(s) if isinstance(s, np.floating) else s for s in shares))
+    return parts
+
+
+def _nodes(network: Network) -> tuple[NetworkNode, ...]:
+    topology = network.topology
+    corners: list[dict[Any, None]] = [{} for _ in range(topology.nodes)]
+    amid: list[dict[Any, None]] = [{} for _ in range(topology.nodes)]
+    for patch in range(len(topology.cells)):
+        for side, run in topology.sides(patch).items():
+            if run is None:
+                continue
+            curve, a, b = run
+            way = 1 if b > a else -1
+            for position in range(a, b + way, way):
+                node = topology.node(curve, position)
+                if node is None:
+                    continue
+                if position not in (a, b):
+                    amid[node][patch, side] = None
+                    continue
+                end, fixed = int(position == b), int(side[1])
+                corners[node][patch, (fixed, end) if side[0] == "u" else (end, fixed)] = None
+    touching = [0] * topology.nodes
+    rim = [False] * topology.nodes
+    for edge in topology.edges():
+        if not edge.positions:
+            continue
+        patch, side = edge.sides[0]
+        run = topology.sides(patch)[side]
+        assert run is not None
+        (a, b), curve = edge.positions[0], run[0]
+        for position in range(min(a, b), max(a, b) + 1):
+            node = topology.node(curve, position)
+            if node is not None:
+                touching[node] += 1 if position in (a, b) else 2
+                rim[node] |= len(edge.sides) == 1
+    points = _tables(network)[1]
+    used = [k for k in range(topology.nodes) if corners[k] or amid[k]]
+    return tuple(NetworkNode(points[k], touching[k], not rim[k], tuple(corners[k]), tuple(amid[k])) for k in used)
