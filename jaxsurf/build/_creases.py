@@ -27,7 +27,7 @@ class Creases(eqx.Module):
     angles: Float[Array, "k"]
 
 
-def creases(surface: AbstractSurface, angle: float = 1e-3, *, direction: str = "v") -> Creases:
+def creases(surface: Any, angle: float = 1e-3, *, direction: str = "v") -> Creases:
     """Rows v = constant (`direction` "u": u = constant) across which the normal jumps by more than `angle`, radians.
 
     Looked for at inner breaks of the surface, at 8 places in each span along them. A sweep is creased where its guides, made
@@ -57,7 +57,7 @@ def split_at_creases(surface: AbstractSurface, angle: float = 1e-3, *, direction
     Each part has its own part of the domain. Splines are split exactly; of other surfaces a part stops 16 roundings before
     the crease, so that its normals there are its own. Needs known data.
     """
-    if not is_concrete(surface):
+    if isinstance(surface, AbstractSurface) and not is_concrete(surface):
         raise InputError("`split_at_creases` decides on known values: call it outside of `jit` and `grad`.")
     parts, rest = [], surface
     for place in concrete(creases(surface, angle, direction=direction).parameters):
@@ -89,8 +89,8 @@ def _jumps(
     if not places.shape[0]:
         return jnp.zeros_like(places)
     edges = jnp.asarray(along, surface.dtype)
-    share = (jnp.arange(_SAMPLES, dtype=surface.dtype) + 0.5) / _SAMPLES
-    inside = (edges[:-1, None] + jnp.diff(edges)[:, None] * share).reshape(-1)
+    share = jnp.linspace(0, 1, _SAMPLES, dtype=surface.dtype)
+    inside = (edges[:-1, None] + jnp.diff(edges)[:, None] * share[None, :]).reshape(-1)
     room = (1e-9 if eps(surface.dtype) < 1e-10 else 1e-5) * (ends[1] - ends[0])
     ready = prepare(surface)
 

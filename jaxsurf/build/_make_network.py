@@ -21,7 +21,7 @@ from ._network_cells import Cell, Run, Web, cells, merged_nodes
 from ._network_corners import Corners, corners
 from ._network_crossings import Crossing, Samples, distances, find_crossings, sample
 from ._network_topology import NetworkTopology, form, plain, with_one_side_up
-from ._rotation import AbstractRotation, ChordRotation, Fixed, GivenRotation
+from ._rotation import AbstractRotation, ChordGuideRotation, ChordRotation, Fixed, GivenRotation
 from ._rotations import ONE_GUIDE, as_rotation
 
 _SCALES = {True: "uniform", False: "none", "chord": "chord"}
@@ -103,7 +103,10 @@ def network(
         _check_corners(topology, web, bends, names)
     at = early(jnp.asarray, np.array([c.at for c in crossings]), dtype)
     made = Network(curves[:count], curves[count:], at, topology, rotations, as_blend(blend, dtype), _SCALES[scale])
-    _check_patches(made, names, rotation, scale, allowed)
+    if isinstance(rotations[1], ChordGuideRotation):
+        _check_chords(topology, web, names)
+    if not (isinstance(rotations[1], ChordRotation | ChordGuideRotation) and scale):
+        _check_patches(made, names, rotation, scale, allowed)  # the others meet all curves
     return made
 
 
@@ -186,24 +189,36 @@ def _check_corners(topology: NetworkTopology, web: Web, bends: list[Corners], na
                 )
 
 
-@eqx.filter_jit
-def _off(network: Network) -> list[Float[Array, "p 4"]]:
-    """For each patch how far its sides are from its curves: second guide, and the ends of the second character."""
-    shares = jnp.linspace(0, 1, 9, dtype=network.dtype)
-    zero, one = shares[:1], shares[-1:]
+def _check_chords(topology: NetworkTopology, web: Web, names: list[str]) -> None:
+    """Refuse guides that run along their chord, where the frame of chord and tangents is not defined."""
+    for guides, _, tip, _ in topology.cells:
+        if len(guides) < 2:
+            continue
+        one, other = (web.path(*run, count=33) for run in guides)
+        along, chord = np.gradient(one, axis=0) + np.gradient(other, axis=0), other - one
+        lengths = np.linalg.norm(along, axis=1) * np.linalg.norm(chord, axis=1)
+        across = np.linalg.norm(np.cross(along, chord), axis=1)
+        bad = across[: -1 if tip else None] <= 1e-6 * lengths[: -1 if tip else None]
+        if bad.any():
+            raise InputError(
+                f"{names[guides[0][0]]} and {names[guides[1][0]]} run along the chord between them, where a rotation that "
+                'follows their tangents is not defined; take rotation="chord".'
+            )
 
-    def of_patch(patch: Any) -> Float[Array, "4"]:
+
+@eqx.filter_jit
+def _off(network: Network) -> list[Float[Array, "p"]]:
+    """For each patch how far its sides are from its curves."""
+    shares = jnp.linspace(0, 1, 9, dtype=network.dtype)
+
+    def of_patch(patch: Any) -> Float[Array, ""]:
         ready = patch.prepared()
-        guides, characters = ready.guides.curves, ready.characters
-        along = lambda curve: jax.vmap(curve.point)(shares)
-        off = [norm(ready.grid_points(shares, zero)[:, 0] - along(characters[0]))]
-        if len(guides) == 2:
-            off += [norm(ready.grid_points(side, shares)[0] - along(g)) for side, g in zip((zero, one), guides, strict=True)]
-        if len(characters) == 2:
-            off.append(norm(ready.grid_points(shares, one)[:, 0] - along(characters[1])))
-        while len(off) < 4:
-            off.append(jnp.zeros_like(shares))
-        return jnp.max(jnp.stack(off), axis=1)
+        grid = ready.grid_points(shares, shares)
+        rows = (*ready.characters, *ready.guides.curves)
+        curves = jnp.stack([jax.vmap(curve.point)(shares) for curve in rows])
+        sides = [grid[:, 0], grid[:, -1]][: len(ready.characters)]
+        sides += [grid[0], grid[-1]] if len(ready.guides.curves) == 2 else [curves[-1]]
+        return jnp.max(norm(jnp.stack(sides) - curves))
 
     return [eqx.filter_vmap(of_patch)(together) for together in stacked_patches(network)]
 
@@ -212,7 +227,7 @@ def _check_patches(made: Network, names: list[str], rotation: Any, scale: Any, a
     found = early(_off, made)
     numbers = [patch for kind in made.classes() for patch in kind.members]
     off = np.concatenate([concrete(part) for part in found])[np.argsort(numbers)]
-    worst = np.nan_to_num(off.max(axis=1), nan=np.inf)
+    worst = np.nan_to_num(off, nan=np.inf)
     if worst.max() <= allowed:
         return
     patch = int(worst.argmax())

@@ -72,6 +72,7 @@ class PatchClass(NamedTuple):
 
     members: tuple[int, ...]
     guides: int
+    tip: bool
     groups: tuple[int, ...]
     closed: tuple[bool, ...]
     curves: np.ndarray
@@ -83,7 +84,7 @@ class _Nodes(NamedTuple):
     """Parameters of the nodes on each curve, with the ends of the curve behind them, and the offsets there."""
 
     places: Float[Array, "c n"]
-    ends: Float[Array, "c n2"]
+    ends: Float[Array, "c n2 2"]
     offsets: Float[Array, "c n 3"]
     points: Float[Array, "nodes 3"]
 
@@ -143,7 +144,7 @@ class Network(eqx.Module):
         edges = [edge for edge in self.topology.edges() if len(edge.sides) == 2]
         parts = _parts(self, [(s, p) for e in edges for s, p in zip(e.sides, e.positions, strict=True)])
         pairs = zip(parts[::2], parts[1::2], strict=True)
-        return tuple(InnerEdge(*e.sides[:2], e.reversed, *pair) for e, pair in zip(edges, pairs, strict=True))
+        return tuple(InnerEdge(e.sides[0], e.sides[1], e.reversed, *p) for e, p in zip(edges, pairs, strict=True))
 
     def outer_edges(self) -> tuple[OuterEdge, ...]:
         """Edges of one patch alone: the rim, and free sides along which no curve was given."""
@@ -185,17 +186,17 @@ def _classes(network: Network) -> list[PatchClass]:
     topology = network.topology
     group_of, row_of = structures(_curves(network), topology.closed)
     found: dict[Any, list[int]] = {}
-    for patch, (guides, characters, *_) in enumerate(topology.cells):
+    for patch, (guides, characters, tip, _) in enumerate(topology.cells):
         runs = (*guides, *characters)
-        found.setdefault((len(guides), tuple(group_of[c] for c, _, _ in runs)), []).append(patch)
+        found.setdefault((len(guides), tip, tuple(group_of[c] for c, _, _ in runs)), []).append(patch)
     width = _width(topology)
     classes = []
-    for (guides, groups), members in found.items():
+    for (guides, tip, groups), members in found.items():
         runs = np.array([[*topology.cells[patch][0], *topology.cells[patch][1]] for patch in members]).swapaxes(0, 1)
         curves = runs[..., 0]
         closed = tuple(topology.closed[row[0]] for row in curves)
         ends = np.array([[[_slot(topology, c, k, width) for k in (a, b)] for c, a, b in row] for row in runs])
-        classes.append(PatchClass(tuple(members), guides, groups, closed, curves, np.array(row_of)[curves], ends))
+        classes.append(PatchClass(tuple(members), guides, tip, groups, closed, curves, np.array(row_of)[curves], ends))
     return classes
 
 
@@ -274,27 +275,38 @@ def _patch(network: Network, kind: PatchClass, stacks: Stacks, nodes: _Nodes, me
     guides, characters = tuple(edges[: kind.guides]), tuple(edges[kind.guides :])
     rotation = network.rotations[kind.guides - 1]
     scale = network.scale if kind.guides == 2 else "none"
-    return Sweep(characters, Guides(guides), rotation, network.blend, scale, ("first", "last")[: len(characters)])
+    return Sweep(characters, Guides(guides, kind.tip), rotation, network.blend, scale, ("first", "last")[: len(characters)])
+
+
+def stacked_patches(network: Network) -> list[Any]:
+    """The patches of each structure, with all their arrays stacked."""
+    return _stacked_patches(network, _nodes_of(network))
+
+
+def _grid(network: Network, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "p m k 3"]:
+    return _grid_of_patches(network, _nodes_of(network), u, v)
+
+
+# compiled apart from what evaluates patches, once for all of it
+@eqx.filter_jit
+def _nodes_of(network: Network) -> _Nodes:
+    return _located(network, stacked(_curves(network), network.topology.closed))
 
 
 @eqx.filter_jit
-def stacked_patches(network: Network) -> list[Any]:
-    """The patches of each structure, with all their arrays stacked."""
-    nodes = _located(network, stacked(_curves(network), network.topology.closed))
-    plain = stacked(_curves(network), network.topology.closed, ready=False)
+def _stacked_patches(network: Network, nodes: _Nodes) -> list[Any]:
+    stacks = stacked(_curves(network), network.topology.closed, ready=False)
     made = []
     for kind in _classes(network):
-        make = lambda member, kind=kind: _patch(network, kind, plain, nodes, member)
+        make = lambda member, kind=kind: _patch(network, kind, stacks, nodes, member)
         made.append(eqx.filter_vmap(make)(jnp.arange(len(kind.members))))
     return made
 
 
 @eqx.filter_jit
-def _grid(network: Network, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "p m k 3"]:
+def _grid_of_patches(network: Network, nodes: _Nodes, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "p m k 3"]:
     stacks = stacked(_curves(network), network.topology.closed)
-    nodes = _located(network, stacks)
-    classes = _classes(network)
-    parts = []
+    classes, parts = _classes(network), []
     for kind in classes:
         points = lambda member, kind=kind: _patch(network, kind, stacks, nodes, member).prepared().grid_points(u, v)
         parts.append(jax.vmap(points)(jnp.arange(len(kind.members))))
@@ -321,12 +333,6 @@ def _gaps(network: Network) -> tuple[Float[Array, "x 2"], Float[Array, "x"]]:
     return places, norm(ends[:, 0] - ends[:, 1])
 
 
-@eqx.filter_jit
-def _tables(network: Network) -> tuple[Float[Array, "c n"], Float[Array, "n 3"]]:
-    nodes = _located(network, stacked(_curves(network), network.topology.closed))
-    return nodes.ends[..., 0], nodes.points
-
-
 def _parts(network: Network, wanted: list[tuple[tuple[int, str], tuple[int, int]]]) -> list[tuple[Any, Any]]:
     """Parts of sides, given by positions on their runs, as shares."""
     topology = network.topology
@@ -339,7 +345,7 @@ def _parts(network: Network, wanted: list[tuple[tuple[int, str], tuple[int, int]
             parts.append((0.0, 1.0) if a == first else (1.0, 0.0))
             continue
         if table is None:
-            table = _tables(network)[0]
+            table = _nodes_of(network).ends[..., 0]
             table = concrete(table) if is_concrete(table) else table
         t = [table[curve, _slot(topology, curve, k, width)] for k in (first, last, a, b)]
         shares = [(x - t[0]) / (t[1] - t[0]) for x in t[2:]]
@@ -380,6 +386,6 @@ def _nodes(network: Network) -> tuple[NetworkNode, ...]:
             if node is not None:
                 touching[node] += 1 if position in (a, b) else 2
                 rim[node] |= len(edge.sides) == 1
-    points = _tables(network)[1]
+    points = _nodes_of(network).points
     used = [k for k in range(topology.nodes) if corners[k] or amid[k]]
     return tuple(NetworkNode(points[k], touching[k], not rim[k], tuple(corners[k]), tuple(amid[k])) for k in used)

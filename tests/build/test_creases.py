@@ -2,6 +2,7 @@
 
 import math
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -74,7 +75,7 @@ def test_pieces_are_smooth_and_together_the_surface(creased):
 
 
 def test_smooth_surfaces_have_no_crease_and_splines_are_split_exactly():
-    net = np.stack(np.meshgrid(np.arange(4.0), np.arange(5.0), indexing="ij") + [np.zeros((4, 5))], axis=-1)
+    net = np.stack(np.meshgrid(np.arange(4.0), np.arange(5.0), indexing="ij") + (np.zeros((4, 5)),), axis=-1)
     net[..., 2] = np.array([0, 0, 1, 0, 0])
     knots = np.array([0.0, 0, 0.25, 0.5, 0.75, 1, 1])
     surface = js.BSplineSurface(net, js.clamped_knots(4, 3), knots, 3, 1)
@@ -85,7 +86,7 @@ def test_smooth_surfaces_have_no_crease_and_splines_are_split_exactly():
     assert [type(part) for part in parts] == [js.BSplineSurface] * 2
     turned = js.creases(js.transpose(surface), direction="u")
     np.testing.assert_allclose(turned.parameters, found.parameters)
-    assert js.split_at_creases(js.Sphere([0.0, 0, 0], 1.0)) == (js.Sphere([0.0, 0, 0], 1.0),) or True
+    assert len(js.split_at_creases(js.Sphere([0.0, 0, 0], 1.0))) == 1
 
 
 def test_angles_are_differentiable_and_traced_surfaces_give_all_breaks(creased):
@@ -101,8 +102,6 @@ def test_angles_are_differentiable_and_traced_surfaces_give_all_breaks(creased):
 
 
 def _replaced(surface, guide):
-    import equinox as eqx
-
     return eqx.tree_at(lambda s: s.guides.curves[0], surface, guide)
 
 
