@@ -131,9 +131,6 @@ def _advice(ends: dict[str, tuple[np.ndarray, np.ndarray]], allowed: float) -> s
     for mine, other in (("u0", "u1"), ("v0", "v1")):
         if _gaps({**ends, mine: ends[other], other: ends[mine]}, ()).max() <= allowed:
             return f"exchange `{mine}` and `{other}`"
-    swapped = {"u0": ends["v0"], "u1": ends["v1"], "v0": ends["u0"], "v1": ends["u1"]}
-    if _gaps(swapped, ()).max() <= allowed:
-        return "exchange the curves of u with those of v"
     return "move the ends together"
 
 
