@@ -295,7 +295,7 @@ ARGUMENTS = {
     "smoothing NaN": (("-o", "{}/s.step", "--smooth", "nan"), "`fairness`.* must be ≥ 0"),
     "spans of qi": (
         ("-o", "{}/s.step", "--family", "qi", "--spans", "3x3"),
-        "`--spans` and `--tolerance` belong to `--family bspline`; a QI surface takes `--tangents`",
+        "`--spans` belongs to `--family bspline`, and the family is qi",
     ),
     "tangents of a B-spline": (("-o", "{}/s.step", "--tangents", "3x3"), "`--tangents` belongs to `--family qi`"),
     "few tangents": (

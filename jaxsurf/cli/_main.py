@@ -71,8 +71,15 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--family",
         default="bspline",
-        choices=("bspline", "qi"),
-        help="bspline, or qi: a quaternion integral surface, shaped by tangents (default bspline)",
+        choices=("bspline", "qi", "sweep"),
+        help="bspline, qi: a quaternion integral surface, shaped by tangents, or sweep: of the kind that explains the cloud "
+        "with the fewest numbers (default bspline)",
+    )
+    parser.add_argument(
+        "--rotation",
+        action="append",
+        metavar="NAME",
+        help="kinds that --family sweep tries, such as minimal or chord+guide; may be repeated (default: all)",
     )
     parser.add_argument(
         "--tangents",
@@ -141,7 +148,7 @@ def _fit(options: argparse.Namespace) -> int:
 
     points = read_points(options.cloud)
     with watching(quiet=options.quiet) as progress:
-        found = (_found_qi if options.family == "qi" else _found_bspline)(options, points, progress)
+        found = _FAMILIES[options.family](options, points, progress)
     rows = output.figures(options, found, points)
     written = output.write_all(options, found, points, rows, begun)
     if not options.quiet:
@@ -155,8 +162,7 @@ def _fit(options: argparse.Namespace) -> int:
 def _found_bspline(options: argparse.Namespace, points: Any, progress: Any) -> Any:
     from ..fit import fit_cloud
 
-    if options.tangents is not None:
-        raise InputError("`--tangents` belongs to `--family qi`; a B-spline takes `--spans`.")
+    _refuse(options, "bspline")
     return fit_cloud(
         points,
         spans=options.spans,
@@ -174,8 +180,7 @@ def _found_bspline(options: argparse.Namespace, points: Any, progress: Any) -> A
 def _found_qi(options: argparse.Namespace, points: Any, progress: Any) -> Any:
     from ..fit import fit_qi
 
-    if options.spans is not None or options.tolerance is not None:
-        raise InputError("`--spans` and `--tolerance` belong to `--family bspline`; a QI surface takes `--tangents`.")
+    _refuse(options, "qi")
     return fit_qi(
         points,
         tangents=options.tangents or (3, 3),
@@ -185,6 +190,32 @@ def _found_qi(options: argparse.Namespace, points: Any, progress: Any) -> Any:
         holdout=options.holdout,
         progress=progress,
     )
+
+
+def _found_sweep(options: argparse.Namespace, points: Any, progress: Any) -> Any:
+    from ..fit import fit_sweep
+
+    _refuse(options, "sweep")
+    if options.degree not in (None, 3):
+        raise InputError(f"`--degree` of `--family sweep` is 3, got {options.degree}; leave it out.")
+    return fit_sweep(
+        points,
+        kinds=options.rotation,
+        loss=options.loss,
+        fairness=options.smooth,
+        holdout=options.holdout,
+        progress=progress,
+    )
+
+
+_FAMILIES = {"bspline": _found_bspline, "qi": _found_qi, "sweep": _found_sweep}
+
+
+def _refuse(options: argparse.Namespace, family: str) -> None:
+    """Refuse options that another family takes."""
+    for name, owner in (("spans", "bspline"), ("tolerance", "bspline"), ("tangents", "qi"), ("rotation", "sweep")):
+        if owner != family and getattr(options, name) is not None:
+            raise InputError(f"`--{name}` belongs to `--family {owner}`, and the family is {family}; leave one of them out.")
 
 
 def keep_compilations() -> None:

@@ -117,7 +117,7 @@ def figures(options: argparse.Namespace, found: Any, points: np.ndarray) -> Rows
     unit, deviation = options.unit, found.deviation
     rows: Rows = [
         ("points", len(points), ""),
-        *(_qi_size if options.family == "qi" else _spline_size)(found.shape),
+        *_SIZES[options.family](found.shape),
         ("rms deviation", float(deviation.rms), unit),
         ("mean deviation", float(deviation.mean), unit),
         ("largest deviation", float(deviation.max), unit),
@@ -163,6 +163,37 @@ def _qi_size(shape: Any) -> Rows:
     ]
 
 
+def _sweep_size(shape: Any) -> Rows:
+    from ..fit import sweep_numbers
+
+    points = lambda curves: " and ".join(str(curve.control_points.shape[0]) for curve in curves)
+    return [
+        ("rotation of the sections", type(shape.rotation).__name__, ""),
+        ("control points of the characters", points(shape.characters), ""),
+        ("control points of the guides", points(shape.guides.curves), ""),
+        ("numbers that shape it", sweep_numbers(shape), ""),
+    ]
+
+
+_SIZES = {"bspline": _spline_size, "qi": _qi_size, "sweep": _sweep_size}
+
+
+def _candidates(found: Any) -> list[tuple[str, int, int, str, int, float, float]]:
+    """The rows of the families that a sweep was chosen from, the best first."""
+    return [
+        (
+            c.kind.rotation,
+            c.kind.characters,
+            c.kind.guides,
+            "the longer side" if c.kind.lengthwise else "the shorter side",
+            c.numbers,
+            c.rms,
+            c.criterion,
+        )
+        for c in getattr(found, "candidates", ())
+    ]
+
+
 def _peer_row(options: argparse.Namespace, found: Any, points: np.ndarray) -> tuple[str, object, str]:
     """The deviation of a B-spline with as many numbers."""
     from ..fit import peer_fit
@@ -198,7 +229,19 @@ def summary_lines(options: argparse.Namespace, found: Any, rows: Rows, written: 
     rows = [(label, f"{value:.4g}" if isinstance(value, float) else str(value), unit) for label, value, unit in rows]
     width = max(len(label) for label, _, _ in rows)
     lines = [f"{label.ljust(width)}  {value} {unit}".rstrip() for label, value, unit in rows]
-    return [*lines, *notes(options, found), "wrote " + ", ".join(written)]
+    tried = [
+        f"tried {rotation}, {characters} × {guides} along {side}: rms {rms:.4g} {options.unit}, {numbers} numbers"
+        for rotation, characters, guides, side, numbers, rms, _ in _candidates(found)
+    ]
+    return [*lines, *tried, *notes(options, found), "wrote " + ", ".join(written)]
+
+
+def _candidate_tables(options: argparse.Namespace, found: Any) -> list[Any]:
+    from ..report import Table
+
+    rows = _candidates(found)
+    columns = ("rotation", "characters", "guides", "guides along", "numbers", f"rms [{options.unit}]", "N ln rms² + P ln N")
+    return [Table("Kinds of sweeps that were tried", columns, rows)] if rows else []
 
 
 def _write_report(options: argparse.Namespace, found: Any, points: np.ndarray, shape: Any, rows: Rows) -> None:
@@ -228,7 +271,7 @@ def _write_report(options: argparse.Namespace, found: Any, points: np.ndarray, s
         deviations=np.asarray(found.deviation.signed),
         unit=options.unit,
         pictures=pictures,
-        tables=[history],
+        tables=[history, *_candidate_tables(options, found)],
         provenance=provenance(input_path=options.cloud),
         notes=notes(options, found),
     )

@@ -10,3 +10,10 @@ from ._quaternion_cloud import (
     peer_fit as peer_fit,
     qi_plane as qi_plane,
 )
+from ._sweep_cloud import (
+    KINDS as KINDS,
+    SweepFit as SweepFit,
+    SweepKind as SweepKind,
+    fit_sweep as fit_sweep,
+    sweep_numbers as sweep_numbers,
+)

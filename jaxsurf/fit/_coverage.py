@@ -4,7 +4,8 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..surface import BSplineSurface, QISurface
+from ..surface import AbstractSurface
+from ..surface._breaks import breaks
 
 
 class Coverage(eqx.Module):
@@ -27,15 +28,11 @@ class Coverage(eqx.Module):
         return float(self.covered.mean())
 
 
-def coverage(surface: BSplineSurface | QISurface, parameters: Float[Array, "N 2"]) -> Coverage:
-    """Count the feet in every knot cell."""
+def coverage(surface: AbstractSurface, parameters: Float[Array, "N 2"]) -> Coverage:
+    """Count the feet in every cell between breaks, the knot cells of a spline."""
     feet = np.asarray(parameters)
-    cells, shape = [], []
-    for axis, basis in enumerate((surface.basis_u, surface.basis_v)):
-        knots = np.asarray(basis.knots)
-        breaks = np.unique(knots if basis.periodic else knots[basis.degree : basis.size + 1])
-        cells.append(np.clip(np.searchsorted(breaks, feet[:, axis], side="right") - 1, 0, len(breaks) - 2))
-        shape.append(len(breaks) - 1)
-    covered = np.zeros(shape, bool)
+    edges = [np.asarray(places) for places in breaks(surface)]
+    cells = [np.clip(np.searchsorted(e, feet[:, i], side="right") - 1, 0, len(e) - 2) for i, e in enumerate(edges)]
+    covered = np.zeros([len(e) - 1 for e in edges], bool)
     covered[cells[0], cells[1]] = True
     return Coverage(covered)
