@@ -25,8 +25,8 @@ from ._sweep import Sweep
 class InnerEdge(NamedTuple):
     """An edge that two patches share: (patch, side) of both, side "u0", "u1", "v0" or "v1".
 
-    reversed: whether the sides' parameters run in opposite directions. first_part, second_part: which part of each side it
-    is, as shares in the order of the first side; (0, 1) of both sides but where a curve ends amid a longer side.
+    reversed: whether the sides' parameters run in opposite directions. first_part, second_part: from where to where on each
+    side it runs, in the first side's direction: (0, 1) and, reversed, (1, 0), but where a curve ends amid a longer side.
     """
 
     first: tuple[int, str]

@@ -206,7 +206,9 @@ def _cell(
     if stop.turn is not None:
         this = character.curve if by_guide is not None else guide.curve
         _refuse(web, this, stop.turn.curve, (guide, character), allowed, names)
-    return Cell((g,), (c, run)) if by_guide is not None else Cell((g, run), (c,))
+    if by_guide is not None:
+        return Cell((g,), (c, run))
+    return Cell((g,) if elements(web, g) == elements(web, run) else (g, run), (c,))
 
 
 def _onwards(web: Web, stop: _Stop) -> tuple[Run, _Stop] | None:

@@ -174,11 +174,11 @@ def _searched(
         shares = jnp.asarray([1, 0.5, 0.125, 0.01, 0], starts.dtype)
 
         def step(_: Any, x: Float[Array, "2"]) -> Float[Array, "2"]:
-            free = jnp.ones(2, bool)
+            free, places = jnp.ones(2, bool), _both(pair, x, (False, False))
             for _ in range(2):  # a parameter that would leave its domain is held
-                along = _gauss_newton(pair, x, free)
+                along = _gauss_newton(places, free)
                 free = free & ~((x <= low) & (along < 0) | (x >= high) & (along > 0))
-            along = jnp.where(free, _gauss_newton(pair, x, free), 0)
+            along = jnp.where(free, _gauss_newton(places, free), 0)
             tried = jax.vmap(lambda share: jnp.clip(x + share * along, low, high))(shares)
             return tried[jnp.argmin(jax.vmap(apart)(tried))]
 
@@ -218,7 +218,7 @@ def _followed(pair: list[Any], closed: tuple[bool, bool], kind: Int[Array, "2"],
     loops = jnp.asarray(closed)
 
     def step(_: Any, x: Float[Array, "2"]) -> Float[Array, "2"]:
-        along = jnp.where(held, 0, _gauss_newton(frozen, x, ~held, closed))
+        along = jnp.where(held, 0, _gauss_newton(_both(frozen, x, closed), ~held))
         return jnp.where(loops, x + along, jnp.clip(x + along, low, high))
 
     first = jax.lax.stop_gradient(jnp.where(held, target, start))
@@ -234,13 +234,11 @@ def _followed(pair: list[Any], closed: tuple[bool, bool], kind: Int[Array, "2"],
     return jax.lax.custom_root(stationary, found, lambda _, x: x, solve)
 
 
-def _gauss_newton(
-    pair: list[Any], x: Float[Array, "2"], free: Bool[Array, "2"], closed: tuple[bool, bool] = (False, False)
-) -> Float[Array, "2"]:
+def _gauss_newton(places: list[tuple[Array, Array]], free: Bool[Array, "2"]) -> Float[Array, "2"]:
     """The step towards the nearest places of both tangent lines; of a parameter that is not free 0."""
-    (p, dp), (q, dq) = _both(pair, x, closed)
+    (p, dp), (q, dq) = places
     tangents = jnp.where(free[None, :], jnp.stack([dp, -dq], axis=1), 0)
-    matrix = tangents.T @ tangents + jnp.diag((~free).astype(x.dtype))
+    matrix = tangents.T @ tangents + jnp.diag((~free).astype(p.dtype))
     return -_solved(matrix, (p - q) @ tangents)
 
 

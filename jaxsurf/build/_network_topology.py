@@ -14,7 +14,7 @@ _LOOP = {"v0": 1, "u1": 1, "v1": -1, "u0": -1}  # the way round a patch, along (
 
 
 class SharedEdge(NamedTuple):
-    """A run of parts of a curve that bounds two sides, or one: (patch, side), and its positions on the side's run."""
+    """A part of a curve that bounds two sides, or one: (patch, side), and its positions, in the order of the first side."""
 
     sides: tuple[tuple[int, str], ...]
     reversed: bool
@@ -98,7 +98,7 @@ class NetworkTopology(eqx.Module):
             way = 1 if b > a else -1
             low, high = min(p[k] for p in places), max(p[k] for p in places) + 1
             ways.append(way)
-            positions.append((a + way * low, a + way * high))
+            positions.append((a + way * low, a + way * high) if way == ways[0] else (a + way * high, a + way * low))
         return SharedEdge(sides, len(set(ways)) == 2, tuple(positions))
 
 
