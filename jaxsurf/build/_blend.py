@@ -37,9 +37,10 @@ class Smoothstep(AbstractBlend):
 
     def __call__(self, t: Float[Array, "..."]) -> Float[Array, "..."]:
         n = int(self.order)
-        total = jnp.zeros_like(t)
-        for k in range(n, -1, -1):  # tⁿ⁺¹ Σ (−1)ᵏ C(n+k, k) C(2n+1, n−k) tᵏ
-            total = total * t + (-1) ** k * math.comb(n + k, k) * math.comb(2 * n + 1, n - k)
+        total, rest = jnp.ones_like(t), jnp.ones_like(t)
+        for i in range(n - 1, -1, -1):  # tⁿ⁺¹ Σ C(2n+1, n+1+i) tⁱ (1 − t)ⁿ⁻ⁱ, of which nothing cancels
+            rest = rest * (1 - t)
+            total = total * t + math.comb(2 * n + 1, n + 1 + i) * rest
         return t ** (n + 1) * total
 
 

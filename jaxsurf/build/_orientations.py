@@ -1,21 +1,27 @@
 """Sections turned through given orientations."""
 
-from typing import Any
+from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._array import Numbers, as_float, concrete, is_concrete
+from .._array import Numbers, as_float, concrete, is_concrete, take
 from .._errors import InputError
 from .._registry import register
-from ..basis import averaged_knots
-from ..quaternion import QuaternionSpline, conjugate, from_matrix, multiply, normalize, to_matrix
+from ..basis import BSplineBasis, averaged_knots, collocation_matrix
+from ..quaternion import conjugate, exp, from_matrix, log, multiply, normalize, to_matrix
 from ._guides import Guides, Station
 from ._rotation import AbstractRotation, FrameRotation
 
-_ROUNDS = 40
+
+class _Turns(NamedTuple):
+    """The first orientation, half the turns from each to the next, their shares as a spline, (k, k − 1)."""
+
+    first: Float[Array, "4"]
+    turns: Float[Array, "j 3"]
+    shares: Float[Array, "k j"]
+    basis: BSplineBasis
 
 
 @register
@@ -23,8 +29,10 @@ class OrientationRotation(FrameRotation):
     """A quaternion spline through orientations at parameters of the guide, turning the shorter way from one to the next.
 
     parameters: (k,), ascending, the first and the last of the guide's domain among them; orientations: (k, 4) unit
-    quaternions, q and −q alike, or (k, 3, 3) rotation matrices. Cubic, or of degree k − 1 for fewer than 4. Its control
-    orientations are found by adding to each what the spline lacks there, which converges like a Jacobi iteration.
+    quaternions, q and −q alike, or (k, 3, 3) rotation matrices. Cubic, or of degree k − 1 for fewer than 4:
+    q(v) = exp(ω_k φ_k(v)) … exp(ω_2 φ_2(v)) q_1, ω_i half the rotation vector from q_(i−1) to q_i and φ_i the spline, with
+    the knots of interpolation, that is 0 at the first i − 1 parameters and 1 at the others. So it passes through all q_i
+    exactly; about one axis it is the interpolating spline of the angle.
     """
 
     parameters: Float[Array, "k"]
@@ -53,19 +61,21 @@ class OrientationRotation(FrameRotation):
                 raise InputError(f"`parameters` of orientations must run over the guide's domain {wanted}, got {got}.")
         return self
 
-    def table(self, guides: Guides) -> QuaternionSpline:
-        degree = min(3, self.parameters.shape[0] - 1)
-        knots = averaged_knots(self.parameters, degree)
+    def table(self, guides: Guides) -> _Turns:
+        parameters = self.parameters.astype(guides.dtype)
+        count = parameters.shape[0]
+        degree = min(3, count - 1)
+        knots = averaged_knots(parameters, degree)
+        steps = jnp.tri(count, count - 1, -1, dtype=parameters.dtype)
+        units = self.orientations.astype(guides.dtype)
+        turns = log(multiply(units[1:], conjugate(units[:-1])))
+        shares = jnp.linalg.solve(collocation_matrix(knots, degree, parameters), steps)
+        return _Turns(units[0], turns, shares, BSplineBasis(knots, degree))
 
-        def mend(controls: Float[Array, "k 4"], _: Any) -> tuple[Float[Array, "k 4"], None]:
-            spline = QuaternionSpline(controls, knots, degree)
-            lacks = multiply(self.orientations, conjugate(jax.vmap(spline.orientation)(self.parameters)))
-            # the shorter way: a lack of q and of −q is the same turn
-            lacks = jnp.where(lacks[:, :1] < 0, -lacks, lacks)
-            return normalize(multiply(lacks, controls)), None
-
-        controls = jax.lax.scan(mend, self.orientations, None, length=_ROUNDS)[0]
-        return QuaternionSpline(controls, knots, degree)
-
-    def frame(self, table: QuaternionSpline, here: Station) -> Float[Array, "3 3"]:
-        return to_matrix(table.orientation(here.v)).astype(here.guides.dtype)
+    def frame(self, table: _Turns, here: Station) -> Float[Array, "3 3"]:
+        first, values = table.basis.local(here.v)
+        shares = sum(value * take(table.shares, first + i) for i, value in enumerate(values))
+        q = table.first
+        for turn in exp(shares[:, None] * table.turns):
+            q = multiply(turn, q)
+        return to_matrix(q)

@@ -48,7 +48,7 @@ def _carried(
 ) -> AbstractCurve:
     """Moved, turned as little as can be, and scaled, so that its ends are on two points."""
     chord, wanted = ends[1] - ends[0], targets[1] - targets[0]
-    if not np.linalg.norm(chord) > 0:
+    if np.linalg.norm(chord) <= 64 * eps(character.dtype) * np.ptp(places_on(character), axis=0).max():
         raise InputError(f"`{name}` starts where it ends, so it cannot be moved onto two guides; give an open curve.")
     turn = concrete(early(lambda a, b: to_matrix(minimal_rotation(a, b)), jnp.asarray(chord), jnp.asarray(wanted)))
     matrix = np.linalg.norm(wanted) / np.linalg.norm(chord) * turn

@@ -85,7 +85,9 @@ class _SmallestRotation(AbstractRotation):
     def matrix(self, known: Any, here: Station) -> Float[Array, "3 3"]:
         if not self.opposite:
             return smallest_rotation(known, unit(known + self.direction(here)))
-        return smallest_rotation(known, half_way(known, lambda v: self.direction(here.guides.at(v)), here.v))
+        still = jax.tree.map(lambda leaf: jax.lax.stop_gradient(leaf) if eqx.is_array(leaf) else leaf, here.guides)
+        along, frozen = (lambda v, g=g: self.direction(g.at(v)) for g in (here.guides, still))
+        return smallest_rotation(known, half_way(known, along, frozen, here.v))
 
 
 @register
@@ -155,10 +157,13 @@ class FrenetRotation(FrameRotation):
     def settled(self, guides: Guides) -> AbstractRotation:
         if is_concrete(guides):
             refuse(guides, _turning, lambda x: x < 1e-6, "the guide has an inflection or a straight part", "minimal")
-            places, binormals = sampled(guides, lambda s: unit(jnp.cross(s.velocities[0], s.acceleration)))
+            places, binormals = sampled(guides, lambda s: jnp.cross(s.velocities[0], s.acceleration))
             flips = np.flatnonzero(np.sum(binormals[1:] * binormals[:-1], axis=1) < 0)
             if len(flips):
-                _refuse_at(float(places[flips[0]]), "the guide has an inflection", "minimal")
+                # C' × C'' is nearly linear between two places, and zero between them
+                before, after = np.linalg.norm(binormals[flips[0] : flips[0] + 2], axis=1)
+                v = np.interp(before, [0, before + after], places[flips[0] : flips[0] + 2])
+                _refuse_at(float(v), "the guide has an inflection", "minimal")
         return self
 
     def frame(self, table: Any, here: Station) -> Float[Array, "3 3"]:

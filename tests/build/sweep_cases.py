@@ -69,7 +69,9 @@ def guides(name: str) -> tuple[Any, Any]:
         first = js.QICurve(OFF, 5.0, tangents[0], 3, KNOTS["first"])
         return first, js.QICurve(OFF + np.array([0.2, 2, 0.1]), 4.5, tangents[1], 2)
     if name == "lines":
-        return js.Line(OFF, OFF + np.array([4.0, 0.3, 0.2])), js.Line(OFF + np.array([0, 2.0, 0.4]), OFF + np.array([4, 1.0, -0.5]))
+        return js.Line(OFF, OFF + np.array([4.0, 0.3, 0.2])), js.Line(
+            OFF + np.array([0, 2.0, 0.4]), OFF + np.array([4, 1.0, -0.5])
+        )
     if name == "arcs":
         first = js.Arc(OFF, OFF + np.array([0.0, 0.2, -1.5]), (0.1, -1, 0), 2.0)
         center = OFF + np.array([0.3, 2, 0.1])
@@ -260,7 +262,7 @@ class Reference:
 
 def transported(path: Path, side: np.ndarray, v: np.ndarray, knots: np.ndarray) -> np.ndarray:
     """Sides that do not turn about the tangent, U' = −⟨U, T'⟩ T, at ascending places from the start of the path."""
-    edges = np.unique(np.concatenate([knots, v]))
+    edges = np.unique(np.concatenate([knots, v, np.linspace(v[0], v[-1], 65)]))
 
     def slope(t, u):
         _, velocity, bend = path.at(t)
