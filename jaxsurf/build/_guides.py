@@ -1,5 +1,6 @@
 """One guide, or two that run side by side, and what sweeps ask of them at a place."""
 
+import math
 from functools import cached_property
 from typing import Any
 
@@ -112,9 +113,14 @@ class Station:
         """The unit chord; where the guides meet, its limit from inside."""
         if not self.guides.meet:
             return unit(self.chord)
-        change = self.velocities[1] - self.velocities[0]
         a, b = self.guides.domain
-        change = jnp.where(self.guides.share(self.v) > 0.5, -change, change) * (b - a)
+        late = self.guides.share(self.v) > 0.5
+        end = jnp.where(late, b, a).astype(self.v.dtype)
+        # the chord is (v − end) times the mean of its change: so its slope is right too, and its bend
+        nodes = jnp.asarray([-1, 1], self.v.dtype) / math.sqrt(3)
+        places = end + (1 + nodes) / 2 * (self.v - end)
+        change = jnp.mean(jax.vmap(lambda v: jnp.subtract(*Station(self.guides, v).velocities[::-1]))(places), axis=0)
+        change = jnp.where(late, -change, change) * (b - a)
         meets = norm(self.chord) <= _MEET * norm(change)
         return unit(jnp.where(meets, change, self.chord))
 
