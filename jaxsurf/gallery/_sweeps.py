@@ -44,7 +44,7 @@ def _decomposition(tables: list[Table]) -> list[tuple]:
     ]
 
 
-def _between(first: AbstractCurve, last: AbstractCurve, x: float, guides: list[AbstractCurve]) -> BSplineCurve:
+def _between(first: AbstractCurve, last: AbstractCurve, x: float, guides: list[BSplineCurve]) -> BSplineCurve:
     """A character over x from one guide to another, on those between."""
     places = np.linspace(0, 2.2 if last is guides[2] else 1.0, 7)
     return _curve([(x, y, 0.25 * np.sin(1.3 * x + y)) for y in places])
