@@ -11,6 +11,7 @@ from .basis import (
 )
 from .build import (
     Coons as Coons,
+    Creases as Creases,
     ExtendedCoons as ExtendedCoons,
     Extrusion as Extrusion,
     Gordon as Gordon,
@@ -23,6 +24,7 @@ from .build import (
     Sweep as Sweep,
     UpRotation as UpRotation,
     coons as coons,
+    creases as creases,
     extended_coons as extended_coons,
     extrude as extrude,
     gordon as gordon,
@@ -31,6 +33,7 @@ from .build import (
     network as network,
     revolve as revolve,
     smoothstep as smoothstep,
+    split_at_creases as split_at_creases,
     sweep as sweep,
 )
 from .convert import (

@@ -5,6 +5,7 @@ from ._blend import (
     smoothstep as smoothstep,
 )
 from ._coons import Coons as Coons, coons as coons
+from ._creases import Creases as Creases, creases as creases, split_at_creases as split_at_creases
 from ._extended_coons import ExtendedCoons as ExtendedCoons, extended_coons as extended_coons
 from ._extrude import Extrusion as Extrusion, extrude as extrude
 from ._gordon import Gordon as Gordon, gordon as gordon
