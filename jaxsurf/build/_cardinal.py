@@ -40,6 +40,7 @@ class Cardinals(eqx.Module):
         return SplineAxis(self.matrix, self.knots, self.degree, self.periodic)
 
 
+@eqx.filter_jit
 def cardinals(parameters: Float[Array, "k"], degree: int, closed: bool = False) -> Cardinals:
     """The cardinal functions of ascending parameters; closed, the last is the first once more, and `degree` is odd."""
     knots = cardinal_knots(parameters, degree, closed)

@@ -124,13 +124,10 @@ def _gaps(ends: dict[str, tuple[np.ndarray, np.ndarray]], turned: tuple[str, ...
 
 
 def _advice(ends: dict[str, tuple[np.ndarray, np.ndarray]], allowed: float) -> str:
-    for count in (1, 2):  # three or four are one or none of the opposite patch
+    for count in (1, 2):  # exchanged sides are the two others reversed
         for turned in itertools.combinations(ends, count):
             if _gaps(ends, turned).max() <= allowed:
                 return "reverse " + " and ".join(f"`{name}`" for name in turned) + " with `js.reverse`"
-    for mine, other in (("u0", "u1"), ("v0", "v1")):
-        if _gaps({**ends, mine: ends[other], other: ends[mine]}, ()).max() <= allowed:
-            return f"exchange `{mine}` and `{other}`"
     return "move the ends together"
 
 

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._arguments import as_type, as_vector
+from .._arguments import as_type, as_vector, early
 from .._errors import InputError
 from .._registry import register
 from ..convert import Conversion, to_bspline
@@ -79,7 +79,7 @@ def extended_coons(
     sides = {name: _side(side, name, dtype) for name, side in given.items()}
     blend_u, blend_v = blends(blend, dtype)
     patch = ExtendedCoons(sides["u0"], sides["u1"], sides["v0"], sides["v1"], blend_u, blend_v)
-    check_corners(completed(sides), tolerance)
+    check_corners(early(eqx.filter_jit(completed), sides), tolerance)
     return patch
 
 

@@ -30,7 +30,7 @@ class Extrusion(AbstractSurface):
     curve: AbstractCurve
     vector: Float[Array, "3"]
 
-    def __init__(self, curve: AbstractCurve, vector: Numbers):
+    def __init__(self, curve: Any, vector: Numbers):
         check_curve(curve, "curve")
         self.curve = curve
         self.vector = as_direction(vector, "vector", curve.dtype)
@@ -46,7 +46,7 @@ class Extrusion(AbstractSurface):
         return jax.vmap(self.curve.point)(u)[:, None, :] + (v[:, None] * self.vector[None, :])[None]
 
 
-def extrude(curve: AbstractCurve, vector: Numbers) -> BSplineSurface | NURBSSurface | Extrusion:
+def extrude(curve: Any, vector: Numbers) -> BSplineSurface | NURBSSurface | Extrusion:
     """The surface C(u) + v · vector, v in [0, 1]: of a B-spline a B-spline, of NURBS a NURBS, of any other an `Extrusion`.
 
     vector: (3,), its length is how far. All three are exact. Raises `InputError` on the zero vector and on plane curves.

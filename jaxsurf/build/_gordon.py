@@ -1,6 +1,5 @@
 """Gordon surfaces: through a full network of curves."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -80,8 +79,8 @@ class Gordon(AbstractSurface):
 
 
 def gordon(
-    u_curves: Sequence[AbstractCurve],
-    v_curves: Sequence[AbstractCurve],
+    u_curves: Any,
+    v_curves: Any,
     u_parameters: Numbers | None = None,
     v_parameters: Numbers | None = None,
     *,

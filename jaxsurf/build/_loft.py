@@ -1,6 +1,5 @@
 """Lofts: surfaces through sections."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -78,7 +77,7 @@ class PreparedLoft(AbstractSurface):
 
 
 def loft(
-    curves: Sequence[AbstractCurve],
+    curves: Any,
     parameters: str | Numbers | None = None,
     degree: int = 3,
     closed: bool = False,

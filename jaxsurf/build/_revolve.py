@@ -36,7 +36,7 @@ class Revolution(AbstractSurface):
     axis: Float[Array, "3"]
     angle: Float[Array, ""]
 
-    def __init__(self, curve: AbstractCurve, point: Numbers, axis: Numbers, angle: Numbers = 2 * math.pi):
+    def __init__(self, curve: Any, point: Numbers, axis: Numbers, angle: Numbers = 2 * math.pi):
         check_curve(curve, "curve")
         self.curve = curve
         self.origin = as_vector(point, "point", curve.dtype)
@@ -94,7 +94,7 @@ class Revolution(AbstractSurface):
         return _nurbs(self, spline)
 
 
-def revolve(curve: AbstractCurve, point: Numbers, axis: Numbers, angle: Numbers = 2 * math.pi) -> Revolution:
+def revolve(curve: Any, point: Numbers, axis: Numbers, angle: Numbers = 2 * math.pi) -> Revolution:
     """The surface of revolution of any curve: u along it, v the angle in radians, from 0 at the curve to `angle`.
 
     point: (3,), on the axis; axis: (3,), its direction, right-handed; 0 < angle ≤ 2π. The curve may touch the axis (poles)

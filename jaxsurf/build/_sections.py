@@ -15,6 +15,8 @@ from ._placing import places_on
 _PLACES = 65
 _SHIFT = 0.125  # of a turn, from which on a closed section that starts elsewhere is told of
 _BETTER = 0.25  # the share of the squared distances that a shift has to leave at most, to be meant
+_OPPOSITE = -0.9  # the cosine between areas below which one is turned over; a loft round a bend has less than that a step
+_BESIDE = 0.5  # and above which it can be said where they start
 
 
 def aligned(curves: tuple[AbstractCurve, ...], *, turn: bool, closed: bool) -> tuple[AbstractCurve, ...]:
@@ -47,8 +49,7 @@ def aligned(curves: tuple[AbstractCurve, ...], *, turn: bool, closed: bool) -> t
 def against(one: Float[np.ndarray, "n 3"], other: Float[np.ndarray, "n 3"]) -> bool:
     """Whether two sections run in opposite directions: ends of open ones crossed, areas of closed ones opposite."""
     if is_round(one) and is_round(other):
-        first, second = _area(one), _area(other)
-        return bool(first @ second < -0.5 * np.linalg.norm(first) * np.linalg.norm(second))
+        return _lean(one, other) < _OPPOSITE
     straight = np.sum((one[[0, -1]] - other[[0, -1]]) ** 2)
     crossed = np.sum((one[[0, -1]] - other[[-1, 0]]) ** 2)
     return bool(crossed < (1 - 1e-6) * straight)
@@ -56,7 +57,7 @@ def against(one: Float[np.ndarray, "n 3"], other: Float[np.ndarray, "n 3"]) -> b
 
 def shifted(one: Float[np.ndarray, "n 3"], other: Float[np.ndarray, "n 3"]) -> float:
     """By what share of a turn the second closed section should start later to lie beside the first; 0 if it does well."""
-    if not (is_round(one) and is_round(other)):
+    if not (is_round(one) and is_round(other) and _lean(one, other) > _BESIDE):
         return 0.0
     a, b = (points[:-1] - points[:-1].mean(axis=0) for points in (one, other))
     b = b * np.linalg.norm(a) / np.linalg.norm(b)  # of one size: only where they start is asked
@@ -71,6 +72,13 @@ def is_round(points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, ""] | bool:
     """Whether a section is closed and encloses something."""
     size = np.linalg.norm(np.ptp(points, axis=0))
     return bool(size > 0 and np.linalg.norm(points[-1] - points[0]) <= 1e-6 * size)
+
+
+def _lean(one: Float[np.ndarray, "n 3"], other: Float[np.ndarray, "n 3"]) -> float:
+    """The cosine of the angle between the vector areas of closed sections; 0 where one has none."""
+    first, second = _area(one), _area(other)
+    size = np.linalg.norm(first) * np.linalg.norm(second)
+    return float(first @ second / size) if size > 0 else 0.0
 
 
 def _area(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:

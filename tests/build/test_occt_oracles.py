@@ -101,8 +101,8 @@ def test_lofts_of_two_sections_against_ruled_surfaces():
 
 @pytest.mark.parametrize(("style", "blend"), [("Stretch", js.linear), ("Coons", js.smoothstep)])
 def test_coons_patches_against_fills(style, blend):
-    """OCCT blends poles with their numbers as parameters, as `GeomFill_BSplineCurves` does in both styles. For one cubic span a
-    side that is the blend of points, linear or cubic; for more spans it is another surface (0.04 off on sides of length 3)."""
+    """OCCT blends poles with their numbers as parameters, in both styles. For sides of one cubic span that is the
+    blend of points, linear or cubic; for more spans it is another surface (0.04 off on sides of length 3)."""
     v0, v1, u0, u1 = (spline(*ends, 4, 3) for ends in ((A, B), (C, D), (A, C), (B, D)))
     room = occt("GeomFill")
     kind = getattr(room.GeomFill_FillingStyle, f"GeomFill_{style}Style")
