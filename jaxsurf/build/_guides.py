@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._array import concrete, is_concrete
+from .._registry import register
 from .._safe import norm, unit
 from ..curve import AbstractCurve
 from ..curve._breaks import breaks
@@ -19,6 +20,7 @@ from ..edit._reparametrised import affine
 _MEET = 1e-9  # chords shorter than this share of their change over the whole guide have the direction of the change
 
 
+@register
 class Guides(eqx.Module):
     """Guides with one parameter v, over the domain of the first one; the second's own parameter follows evenly.
 

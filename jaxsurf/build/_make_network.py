@@ -30,8 +30,8 @@ _MOST = 16  # crossings of one guide and one character
 
 
 def network(
-    guides: AbstractCurve | Sequence[AbstractCurve],
-    characters: AbstractCurve | Sequence[AbstractCurve],
+    guides: Any,
+    characters: Any,
     *,
     tolerance: float = 1e-6,
     rotation: Any = "guide",
@@ -39,7 +39,9 @@ def network(
     blend: Any = smoothstep,
     open_cells: bool = True,
 ) -> Network:
-    """Split any number of guides and characters that cross, in any order and direction, into sweeps that share their edges.
+    """Split guides and characters that cross, any number in any order and direction, into sweeps that share their edges.
+
+    guides, characters: curves in space, one or a sequence of them.
 
     A cell between two guides and two characters is a full sweep. Where edges are missing, at the rim, there are sweeps of
     one character along two guides, of two along one, of one along one; open_cells=False leaves these out. Guides, or

@@ -195,7 +195,7 @@ def _classes(network: Network) -> list[PatchClass]:
         runs = np.array([[*topology.cells[patch][0], *topology.cells[patch][1]] for patch in members]).swapaxes(0, 1)
         curves = runs[..., 0]
         closed = tuple(topology.closed[row[0]] for row in curves)
-        ends = np.array([[[_slot(topology, c, k, width) for k in (a, b)] for c, a, b in row] for row in runs])
+        ends = np.array([[[_slot(topology, c, k, width) for k in (a, b)] for c, a, b in row] for row in runs.tolist()])
         classes.append(PatchClass(tuple(members), guides, tip, groups, closed, curves, np.array(row_of)[curves], ends))
     return classes
 

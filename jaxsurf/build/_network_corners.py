@@ -40,9 +40,7 @@ def corners(curve: AbstractCurve) -> Corners:
 
 
 @eqx.filter_jit
-def _turns(
-    curve: Any, at: np.ndarray, before: np.ndarray, after: np.ndarray
-) -> tuple[Float[Array, "k 3"], Float[Array, "k"]]:
+def _turns(curve: Any, at: Any, before: Any, after: Any) -> tuple[Float[Array, "k 3"], Float[Array, "k"]]:
     ready = curve.prepared()
     here, below, above = (jnp.asarray(x, curve.dtype) for x in (at, before, after))
     tangent = lambda t: value_and_slope(ready.point, t)[1]

@@ -163,7 +163,7 @@ def _rows(stacks: Stacks, pairs: Sequence[tuple[int, int]], numbers: np.ndarray)
 
 @eqx.filter_jit
 def _searched(
-    first: Any, second: Any, rows: np.ndarray, starts: Float[Array, "x 2"]
+    first: Any, second: Any, rows: Any, starts: Float[Array, "x 2"]
 ) -> tuple[Float[Array, "x 2"], Float[Array, "x 2 3"]]:
     """Nearest places of pairs of curves, by damped Gauss-Newton steps inside the domains, and the points there."""
 

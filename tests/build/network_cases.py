@@ -1,0 +1,56 @@
+"""Guides and characters of a bumpy sheet, for the tests of networks."""
+
+import numpy as np
+
+import jaxsurf as js
+
+
+def height(x, y):
+    return 0.4 * np.sin(2.1 * x + 0.3) * np.cos(1.7 * y + 0.5) + 0.1 * x * y
+
+
+def isoline(fixed, along, low=0.0, high=1.0, lift=0.0, count=12):
+    """The curve of the sheet at one x ("y" runs) or at one y ("x" runs), through points of it."""
+    t, constant = np.linspace(low, high, count), np.full(count, fixed)
+    x, y = (constant, t) if along == "y" else (t, constant)
+    return js.interpolate(np.stack([x, y, height(x, y) + lift], axis=1))
+
+
+def guide(x, low=0.0, high=1.0, lift=0.0):
+    return isoline(x, "y", low, high, lift)
+
+
+def character(y, low=0.0, high=1.0, lift=0.0):
+    return isoline(y, "x", low, high, lift)
+
+
+def straight(start, end):
+    """A line as a spline of the same structure."""
+    return js.interpolate(np.linspace(start, end, 12))
+
+
+def sheet(guides, characters, **options):
+    """A full network."""
+    return js.network(
+        [guide(x) for x in np.linspace(0, 1, guides)],
+        [character(y) for y in np.linspace(0, 1, characters)],
+        **{"tolerance": 1e-3, **options},
+    )
+
+
+def along_side(place, part, shares):
+    """Parameters u, v on a part of a side of a patch."""
+    _, side = place
+    run = part[0] + (part[1] - part[0]) * shares
+    fixed = np.full_like(run, float(side[1]))
+    return (fixed, run) if side[0] == "u" else (run, fixed)
+
+
+def largest_gap_of_edges(network, count=7):
+    """Of all inner edges: the largest distance between the two patches at the same share."""
+    patches, shares, largest = network.patches, np.linspace(0, 1, count), 0.0
+    for edge in network.inner_edges():
+        sides = ((edge.first, edge.first_part), (edge.second, edge.second_part))
+        one, other = (np.asarray(patches[s[0]](*along_side(s, part, shares))) for s, part in sides)
+        largest = max(largest, float(np.abs(one - other).max()))
+    return largest
