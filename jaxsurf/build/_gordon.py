@@ -37,7 +37,7 @@ class Gordon(AbstractSurface):
     u_curves: m curves of u, at v = v_parameters (m,); v_curves: n curves of v, at u = u_parameters (n,); the first and the
     last of the parameters are the domain. Curves share the domain of the first of their family, evenly. L and M: cardinal
     functions of cubic spline interpolation, of lower degree for 2 or 3 curves. P_ij: the points amid two curves where they
-    should cross; each is met to within half the largest `gap`. Made by `js.gordon`, which checks that.
+    should cross; each is met to about half the largest `gap`. Made by `js.gordon`, which checks that.
     Source: Gordon, Spline-blended surface interpolation through curve networks, 1969; The NURBS Book, §10.5.
     """
 

@@ -83,7 +83,7 @@ def loft(
     closed: bool = False,
     *,
     align: bool = True,
-) -> BSplineSurface | Loft:
+) -> Any:
     """The surface through sections: S(u, v_k) = curves[k](u), for 2 or more curves of any kinds, knots and degrees.
 
     parameters: the v_k, (k,), ascending; or a spacing "chord" (default: mean over the sections' chords), "centripetal",

@@ -1,5 +1,7 @@
 """Coons patches, plain and extended."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -49,7 +51,7 @@ def off_sides(surface, sides):
 
 @pytest.mark.parametrize("blend", [js.linear, (js.Smoothstep(2), lambda t: t * t)])
 def test_all_four_sides_are_met(blend):
-    sides = dict(u0=U0, u1=ARC, v0=V0, v1=V1)
+    sides: dict[str, Any] = dict(u0=U0, u1=ARC, v0=V0, v1=V1)
     patch = js.coons(**sides, blend=blend)
     assert patch.domain == (V0.domain, U0.domain)
     assert max(off_sides(patch, sides).values()) < 1e-13
@@ -131,13 +133,13 @@ def test_a_gap_within_the_tolerance_is_shared():
     assert max(off.values()) == pytest.approx(5e-4, rel=1e-6)
 
 
-TRIANGLE = dict(u0=U0, u1=B, v0=V0, v1=spline(C, B, [0.5], 3, (0, 1), 6))
+TRIANGLE: dict[str, Any] = dict(u0=U0, u1=B, v0=V0, v1=spline(C, B, [0.5], 3, (0, 1), 6))
 
 
 def test_extended_patches_meet_points_and_curves():
     triangle = js.extended_coons(**TRIANGLE)
     assert max(off_sides(triangle, TRIANGLE).values()) < 1e-13
-    lens = dict(u0=A, u1=B, v0=V0, v1=spline(A, B, [0.5], 3, (0, 1), 6))
+    lens: dict[str, Any] = dict(u0=A, u1=B, v0=V0, v1=spline(A, B, [0.5], 3, (0, 1), 6))
     assert max(off_sides(js.extended_coons(**lens), lens).values()) < 1e-13
 
 

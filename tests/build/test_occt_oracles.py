@@ -31,9 +31,10 @@ def theirs(curve):
 def ours(surface):
     """A Geom_BSplineSurface as ours."""
     arrays = surface_arrays(surface)
+    (knots_u, knots_v), (degree_u, degree_v) = arrays.knots, arrays.degrees
     if arrays.weights is not None:
-        return js.NURBSSurface(arrays.points, arrays.weights, *arrays.knots, *arrays.degrees)
-    return js.BSplineSurface(arrays.points, *arrays.knots, *arrays.degrees)
+        return js.NURBSSurface(arrays.points, arrays.weights, knots_u, knots_v, degree_u, degree_v)
+    return js.BSplineSurface(arrays.points, knots_u, knots_v, degree_u, degree_v)
 
 
 def values(surface, first, second):
