@@ -41,6 +41,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"jaxsurf {version('jaxsurf')}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _add_fit(commands.add_parser("fit", help="fit a CAD surface to a measured point cloud", description=_FIT))
+    from ._sweep import DESCRIPTION, add_sweep
+
+    add_sweep(commands.add_parser("sweep", help="make a surface from guides and characters", description=DESCRIPTION))
     gallery = commands.add_parser(
         "gallery", help="rebuild the figures of the papers and measure them", description="Pages with pictures and figures."
     )

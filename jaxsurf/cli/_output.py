@@ -1,4 +1,4 @@
-"""What `jaxsurf fit` writes and prints."""
+"""What the commands write and print."""
 
 import argparse
 import time
@@ -65,7 +65,7 @@ def write_all(options: argparse.Namespace, found: Any, points: np.ndarray, rows:
         shape = trim_to_cloud(found.shape, found.foot.parameters, side_lengths(found.shape))
     written = []
     for target in options.output:
-        _write_shape(target, shape, options.unit, _conversion_tolerance(found))
+        write_shape(target, shape, options.unit, _conversion_tolerance(found))
         written.append(target)
     if options.save:
         save(options.save, shape)
@@ -85,7 +85,7 @@ def _conversion_tolerance(found: Any) -> float:
     return max(1e-3 * float(found.deviation.rms), 1e-7 * extent)
 
 
-def _write_shape(target: str, shape: Any, unit: str, tolerance: float) -> None:
+def write_shape(target: str, shape: Any, unit: str, tolerance: float) -> None:
     from .. import io
     from ..convert import to_bspline
     from ..mesh import tessellate
@@ -226,14 +226,18 @@ def notes(options: argparse.Namespace, found: Any) -> list[str]:
 
 def summary_lines(options: argparse.Namespace, found: Any, rows: Rows, written: list[str]) -> list[str]:
     """What is printed when all is done."""
-    rows = [(label, f"{value:.4g}" if isinstance(value, float) else str(value), unit) for label, value, unit in rows]
-    width = max(len(label) for label, _, _ in rows)
-    lines = [f"{label.ljust(width)}  {value} {unit}".rstrip() for label, value, unit in rows]
     tried = [
         f"tried {rotation}, {characters} × {guides} along {side}: rms {rms:.4g} {options.unit}, {numbers} numbers"
         for rotation, characters, guides, side, numbers, rms, _ in _candidates(found)
     ]
-    return [*lines, *tried, *notes(options, found), "wrote " + ", ".join(written)]
+    return [*aligned(rows), *tried, *notes(options, found), "wrote " + ", ".join(written)]
+
+
+def aligned(rows: Rows) -> list[str]:
+    """Figures under each other."""
+    shown = [(label, f"{value:.4g}" if isinstance(value, float) else str(value), unit) for label, value, unit in rows]
+    width = max(len(label) for label, _, _ in shown)
+    return [f"{label.ljust(width)}  {value} {unit}".rstrip() for label, value, unit in shown]
 
 
 def _candidate_tables(options: argparse.Namespace, found: Any) -> list[Any]:

@@ -60,3 +60,35 @@ def test_unknown_pages_and_folders_that_cannot_be_made(tmp_path, capsys):
         from jaxsurf.gallery import write_page
 
         write_page(tmp_path / "file" / "under", names()[0])
+
+
+@pytest.fixture(scope="module")
+def sweeps():
+    return page("sweeps")
+
+
+def test_figures_1_to_12_of_paper_000_are_there(sweeps):
+    names = [file for file, _, _ in sweeps.pictures]
+    assert {name.rstrip("abcdef") for name in names} == {"1", "2", "3", "4", "5", "9", "10", "12"}
+    assert all(pixels.std() > 5 for _, _, pixels in sweeps.pictures)
+    assert sweeps.shapes["1"].forms.count("2 guides + 2 characters") == 4
+
+
+def table(made, start):
+    return next(t.rows for t in made.measured if t.caption.startswith(start))
+
+
+def test_sweeps_of_figure_4_stay_on_their_guides(sweeps):
+    distances = [value for row in table(sweeps, "Figure 4") for value in row[2:] if value != "none"]
+    assert len(distances) == 9 and max(distances) < 1e-14
+
+
+def test_the_crease_of_figure_5_is_found_and_split(sweeps):
+    (_, _, smooth, one), (_, _, folded, two) = table(sweeps, "Figure 5")
+    assert smooth < 1e-6 and one == 1 and folded > 10 and two == 2
+
+
+def test_extended_coons_waves_where_the_sweep_does_not(sweeps):
+    coons, swept = table(sweeps, "Figure 12")
+    assert coons[2] > 0.5 and swept[2] == 0
+    assert coons[4] > 10 * swept[4]
