@@ -54,3 +54,17 @@ def largest_gap_of_edges(network, count=7):
         one, other = (np.asarray(patches[s[0]](*along_side(s, part, shares))) for s, part in sides)
         largest = max(largest, float(np.abs(one - other).max()))
     return largest
+
+
+def side_of(grid, side):
+    """The points of a patch on one side, of its grid."""
+    return {"u0": grid[0], "u1": grid[-1], "v0": grid[:, 0], "v1": grid[:, -1]}[side]
+
+
+def largest_gap_on(grid, network):
+    """The same of the grids of all patches, for networks whose edges are whole sides."""
+    largest = 0.0
+    for edge in network.inner_edges():
+        one, other = (side_of(grid[patch], side) for patch, side in (edge.first, edge.second))
+        largest = max(largest, float(np.abs(one - (other[::-1] if edge.reversed else other)).max()))
+    return largest
