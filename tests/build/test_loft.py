@@ -35,7 +35,7 @@ def at_shares(curve, shares=SHARES):
 
 
 def off_sections(surface, curves, places):
-    (a, b), _ = surface.domain
+    a, b = (float(end) for end in surface.domain[0])
     u = (1 - SHARES) * a + SHARES * b
     return max(float(np.abs(np.asarray(surface(u, v)) - at_shares(c)).max()) for c, v in zip(curves, places, strict=True))
 
