@@ -17,7 +17,7 @@ from ..edit import ReparametrisedSurface, split
 from ..surface import AbstractSurface
 from ..surface._breaks import breaks
 
-_SAMPLES = 8  # places in each span along a row
+_SAMPLES = 33  # places in each span along a row
 
 
 class Creases(eqx.Module):
@@ -30,7 +30,7 @@ class Creases(eqx.Module):
 def creases(surface: Any, angle: float = 1e-3, *, direction: str = "v") -> Creases:
     """Rows v = constant (`direction` "u": u = constant) across which the normal jumps by more than `angle`, radians.
 
-    Looked for at inner breaks of the surface, at 8 places in each span along them. A sweep is creased where its guides, made
+    Looked for at inner breaks, at 33 places in each span along them. A sweep is creased where its guides, made
     of lines and arcs, are C¹ and not C², and its rotation follows their tangents. Of a traced surface all breaks are given.
     Source: Jōnishi, Yajima (paper 000), section 3, figure 5.
     """

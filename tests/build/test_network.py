@@ -5,7 +5,7 @@ import pytest
 from build.network_cases import character, guide, height, largest_gap_of_edges, largest_gap_on, sheet
 
 import jaxsurf as js
-from jaxsurf.build import _network
+from jaxsurf.build import NetworkEdge, _network
 
 SHARES = np.linspace(0, 1, 9)
 FULL = "2 guides + 2 characters"
@@ -64,7 +64,8 @@ def test_edges_between_nodes_keep_tangent_and_curvature_of_the_character():
     assert lifted.largest_gap == max(gap.distance for gap in lifted.gaps)
     assert largest_gap_of_edges(lifted) < 1e-13
     patch, other = lifted.patches[0], lifted.patches[2]
-    edge, after = patch.characters[1], other.characters[1]
+    edge, after, kept = patch.characters[1], other.characters[1], patch.guides.curves[0]
+    assert isinstance(edge, NetworkEdge) and isinstance(after, NetworkEdge) and isinstance(kept, NetworkEdge)
     ends = [float(edge.ends[1]), float(after.ends[0])]
     for order in (1, 2):
         wanted = lifted.characters[1].derivative(ends[0], order)
@@ -72,7 +73,7 @@ def test_edges_between_nodes_keep_tangent_and_curvature_of_the_character():
             width = float(piece.ends[1] - piece.ends[0])
             np.testing.assert_allclose(piece.derivative(place, order) / width**order, wanted, atol=1e-9)
     np.testing.assert_allclose(edge(1.0), lifted.guides[1](lifted.gaps[4].parameters[0]), atol=1e-14)
-    np.testing.assert_array_equal(patch.guides.curves[0].offsets, 0)  # guides keep their place
+    np.testing.assert_array_equal(kept.offsets, 0)  # guides keep their place
 
 
 def test_order_and_direction_of_curves_do_not_matter(small):
