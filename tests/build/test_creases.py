@@ -47,8 +47,8 @@ def test_crease_of_figure_5_is_found_where_line_and_arc_meet(creased):
     np.testing.assert_allclose(found.angles, [wanted], rtol=2e-3)
 
 
-def test_one_guide_turns_the_section_as_a_whole_and_a_chord_rotation_does_not_crease():
-    """With one guide R' jumps too; sections in the normal plane of a C¹ guide stay smooth to first order at the guide only."""
+def test_one_guide_and_fixed_sections():
+    """With one guide what is found is what the normals say; fixed sections along a C¹ guide are smooth."""
     surface = _figure_5()
     found = js.creases(surface, angle=1e-3)
     u = np.linspace(0, 1, 200)
