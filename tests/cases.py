@@ -8,9 +8,11 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 import jaxsurf as js
+from jaxsurf.build._network_curves import NetworkEdge
 from jaxsurf.curve import breaks
 
 
@@ -303,3 +305,105 @@ def _(rng: np.random.Generator) -> Case:
     cone = js.Cone(rng.normal(size=3) + 4, (0.3, -0.5, 1.0), 1.7, -0.3, 2.4)
     moved = js.reparametrise(cone, ((2, 5), (-1, 3)))
     return Case(js.transpose(js.reverse(js.split(moved, 3.2, "u")[1], "v")))
+
+
+CORNERS = np.array([7.0, -3.0, 4.0]) + np.array([[0, 0, 0], [3.0, 0.2, 1], [-0.3, 2.5, 0.7], [3.4, 2.9, -0.4]])
+
+
+def between(rng: np.random.Generator, start: np.ndarray, end: np.ndarray, knots: np.ndarray, degree: int) -> js.BSplineCurve:
+    """A wavy curve from one point to another."""
+    points = np.linspace(start, end, len(knots) - degree - 1)
+    points[1:-1] += 0.3 * rng.normal(size=points[1:-1].shape)
+    return js.BSplineCurve(points, knots, degree)
+
+
+def four_sides(rng: np.random.Generator) -> tuple[Any, Any, Any, Any]:
+    """Curves of all kinds between four corners: two of v, then two of u."""
+    a, b, c, d = CORNERS
+    first = between(rng, a, c, clamped(2, 2.9, 4.1), 2)
+    last = js.Arc.through(b, (b + d) / 2 + np.array([0.6, 0, 0.3]), d)
+    lower, upper = between(rng, a, b, UNEVEN, 3), between(rng, c, d, clamped(3, 2.2, 4.0), 3)
+    weights = rng.uniform(0.5, 2, len(upper.control_points))
+    return first, last, lower, js.NURBSCurve(upper.control_points, weights, upper.knots, 3)
+
+
+@case(CURVES, "ByArcLength")
+def _(rng: np.random.Generator) -> Case:
+    return Case(js.ByArcLength(js.BSplineCurve(_points(rng, 6, 3), clamped(3, 2.9, 4.0), 3)))
+
+
+@case(CURVES, "NetworkEdge")
+def _(rng: np.random.Generator) -> Case:
+    curve = js.BSplineCurve(_points(rng, 6, 3), clamped(3, 2.9, 4.0), 3)
+    offsets = 0.05 * rng.normal(size=(3, 3))
+    data = ([2.2, 3.5, 4.8], offsets, [2.2, 4.8])
+    return Case(NetworkEdge(curve, *(jax.numpy.asarray(x) for x in data)))
+
+
+@case(SURFACES, "Sweep")
+def _(rng: np.random.Generator) -> Case:
+    first, last, lower, upper = four_sides(rng)
+    flat = js.Line(CORNERS[0], CORNERS[1])
+    raised = js.translate(flat, (0.0, 0.0, 1.0))
+    return Case(
+        js.sweep((lower, upper), (first, last)),
+        {"flat": js.sweep(js.Line(raised(0.0), flat(0.0)), (raised, flat), rotation="chord")},
+    )
+
+
+@case(SURFACES, "Sweep, without twist")
+def _(rng: np.random.Generator) -> Case:
+    first, _, lower, _ = four_sides(rng)
+    along = lambda guide: js.sweep(lower, guide, rotation="minimal")
+    return Case(along(first), {"straight guide": along(js.Line(CORNERS[0], CORNERS[2]))})
+
+
+@case(SURFACES, "Coons")
+def _(rng: np.random.Generator) -> Case:
+    point = js.Line(CORNERS[0], CORNERS[0])
+    return Case(js.coons(*four_sides(rng), blend=js.smoothstep), {"one point": js.coons(*[point] * 4)})
+
+
+@case(SURFACES, "ExtendedCoons")
+def _(rng: np.random.Generator) -> Case:
+    first, _, lower, _ = four_sides(rng)
+    tip = CORNERS[1]
+    upper = between(rng, CORNERS[2], tip, clamped(3, 2.2, 4.0), 3)
+    return Case(js.extended_coons(u0=first, u1=tip, v0=lower, v1=upper))
+
+
+@case(SURFACES, "Extrusion")
+def _(rng: np.random.Generator) -> Case:
+    helix = js.Helix(rng.normal(size=3) + 4, (0.3, -0.5, 1.0), 1.7, 0.6, 2.3)
+    return Case(js.extrude(helix, rng.normal(size=3)))
+
+
+@case(SURFACES, "Revolution")
+def _(rng: np.random.Generator) -> Case:
+    a, b = CORNERS[:2]
+    curve = between(rng, a, b, UNEVEN, 3)
+    pole = js.revolve(js.Line(a, b), b, (0, 0, 1.0))
+    return Case(js.revolve(curve, rng.normal(size=3) + 4, rng.normal(size=3), 2.3), {"pole": pole})
+
+
+@case(SURFACES, "Loft")
+def _(rng: np.random.Generator) -> Case:
+    _, _, lower, _ = four_sides(rng)
+    up = lambda curve, height: js.translate(curve, (0.0, 0.0, height))
+    a, b = CORNERS[:2]
+    arc = js.Arc.through(a, (a + b) / 2 + np.array([0, 0.6, 0.3]), b)
+    return Case(js.loft([lower, up(js.Line(a, b), 1.0), up(arc, 2.0), up(lower, 3.3)], [2, 2.7, 3.9, 5]))
+
+
+@case(SURFACES, "Gordon")
+def _(rng: np.random.Generator) -> Case:
+    net = make("BSplineSurface").shape
+    u, v, points = np.array([2.0, 2.9, 3.8, 5.0]), np.array([2.0, 3.3, 5.0]), np.asarray(net.control_points)
+    along_u = [js.BSplineCurve(np.einsum("j,ijd->id", row, points), net.knots_u, 3) for row in _rows(net.basis_v, v)]
+    along_v = [js.BSplineCurve(np.einsum("i,ijd->jd", row, points), net.knots_v, 2) for row in _rows(net.basis_u, u)]
+    return Case(js.gordon(along_u, along_v, u, v))
+
+
+def _rows(basis: js.BSplineBasis, places: np.ndarray) -> list[np.ndarray]:
+    """Values of all functions at places."""
+    return [np.asarray(row) for row in basis.matrix(jax.numpy.asarray(places))]

@@ -395,7 +395,7 @@ def test_ctrl_c_writes_the_best_surface_so_far(cloud, cache, tmp_path):
 
 
 def test_a_cache_that_cannot_be_kept_is_no_obstacle(tmp_path, monkeypatch):
-    from jaxsurf.cli._main import keep_compilations
+    from jaxsurf.cli._cache import keep_compilations
 
     (tmp_path / "file").touch()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))

@@ -1,7 +1,6 @@
 """The command line: parse, call a room, print."""
 
 import argparse
-import os
 import sys
 import time
 from collections.abc import Sequence
@@ -9,6 +8,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from .._errors import InputError
+from ._cache import keep_compilations
 
 _FAILED = 2
 _INTERRUPTED = 130
@@ -219,22 +219,6 @@ def _refuse(options: argparse.Namespace, family: str) -> None:
     for name, owner in (("spans", "bspline"), ("tolerance", "bspline"), ("tangents", "qi"), ("rotation", "sweep")):
         if owner != family and getattr(options, name) is not None:
             raise InputError(f"`--{name}` belongs to `--family {owner}`, and the family is {family}; leave one of them out.")
-
-
-def keep_compilations() -> None:
-    """Keep compiled programs in the user's cache folder, so that the next run starts at once."""
-    import jax
-
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    folder = Path(base) / "jaxsurf" / "compiled"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return
-    if os.access(folder, os.W_OK):
-        jax.config.update("jax_compilation_cache_dir", str(folder))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
-        jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
 
 
 def _gallery(options: argparse.Namespace) -> int:

@@ -35,7 +35,7 @@ def _sweep(options: argparse.Namespace) -> int:
 
     jax.config.update("jax_enable_x64", True)
     from ..build import sweep
-    from ._main import keep_compilations
+    from ._cache import keep_compilations
     from ._sweep_spec import read_spec
 
     keep_compilations()

@@ -18,8 +18,12 @@ from ._problem import Problem
 EvalGradHessian = optx.FunctionInfo.EvalGradHessian
 
 
+_FREEST = 1e4  # by how much the resistance to gliding may fall
+
+
 class _State(eqx.Module):
     first_step: Bool[Array, ""]
+    step_size: Float[Array, ""]
     trial: Float[Array, "P"]
     search: Any
     info: EvalGradHessian
@@ -77,6 +81,7 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
         struct = eqx.filter_eval_shape(lambda: info)
         return _State(
             first_step=jnp.asarray(True),
+            step_size=jnp.ones((), y.dtype),
             trial=y,
             search=jax.tree.map(lambda x: x.astype(y.dtype), self.search.init(y, struct)),
             info=info,
@@ -88,6 +93,9 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
 
     def step(self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any) -> tuple[Any, _State, Any]:
         problem, _, penalty = args
+        # while steps are as good as was predicted, the shape is let glide more and more freely
+        free = problem.sliding / jnp.clip(state.step_size, 1, _FREEST)
+        problem = eqx.tree_at(lambda p: p.sliding, problem, free)
         value, (gradient, matrix, feet) = fn(state.trial, (problem, state.feet, penalty))
         trial_info = EvalGradHessian(value, gradient, lx.MatrixLinearOperator(matrix, lx.positive_semidefinite_tag))
         step_size, accept, search_result, search = self.search.step(
@@ -100,7 +108,7 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
         step, descent_result = self.descent.step(step_size, info)
         done = jnp.where(accept, small, step_size < 1e-9)
         result = optx.RESULTS.where(search_result == optx.RESULTS.successful, descent_result, search_result)
-        state = _State(jnp.asarray(False), y + step, search, info, feet, info, done, result)
+        state = _State(jnp.asarray(False), step_size, y + step, search, info, feet, info, done, result)
         return y, state, (info.grad, info.hessian.matrix, feet)
 
     def terminate(self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any) -> tuple[Any, Any]:
