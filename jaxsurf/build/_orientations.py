@@ -74,7 +74,7 @@ class OrientationRotation(FrameRotation):
 
     def frame(self, table: _Turns, here: Station) -> Float[Array, "3 3"]:
         first, values = table.basis.local(here.v)
-        shares = sum(value * take(table.shares, first + i) for i, value in enumerate(values))
+        shares = jnp.stack(values) @ jnp.stack([take(table.shares, first + i) for i in range(len(values))])
         q = table.first
         for turn in exp(shares[:, None] * table.turns):
             q = multiply(turn, q)

@@ -13,7 +13,7 @@ from scipy.interpolate import BSpline
 import jaxsurf as js
 
 
-def close(found, wanted, atol, what=""):
+def close(found, wanted, atol, what: object = ""):
     np.testing.assert_allclose(found, wanted, rtol=0, atol=atol, err_msg=str(what))
 
 
@@ -53,7 +53,7 @@ def tangent_continuous(offset: np.ndarray) -> js.CompositeCurve:
 
 
 @cache
-def guides(name: str) -> tuple[Any, Any]:
+def guides(name: str) -> tuple[Any, ...]:
     """Two guides by name; kinds with one guide take the first one."""
     rng = np.random.default_rng(sum(name.encode()))
     if name == "B-splines":

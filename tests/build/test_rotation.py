@@ -1,6 +1,7 @@
 """The kinds of R(v): rotations always, tori through the opposite direction, rotations that are given."""
 
 import math
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -46,7 +47,7 @@ KINDS = {
     "up": ("up", False, "B-splines"),
     "frenet": ("frenet", False, "helices"),
     "matrices": (spun, False, "B-splines"),
-    "quaternions": (Spin(np.array(1.3)), False, "B-splines"),
+    "quaternions": (Spin(jnp.asarray(1.3)), False, "B-splines"),
     "orientations": (js.OrientationRotation(PLACES, through(0.8)), False, "B-splines"),
     "chord": ("chord", True, "helices"),
     "chord+guide": ("chord+guide", True, "helices"),
@@ -72,11 +73,11 @@ NORMAL, CENTER, RADIUS, TUBE = np.array([0.3, -0.5, 1.0]), np.array([4.0, -1.0, 
 NEAR = math.pi + np.array([0.0] + [s * 10.0**-k for k in range(1, 17) for s in (1, -1)])
 
 
-def ring():
+def ring() -> Any:
     return js.Circle(CENTER, NORMAL, RADIUS, (1.0, 0.2, 0.3))
 
 
-def tube(guide):
+def tube(guide: Any) -> Any:
     """The circle about the start of a circle, across it."""
     start, velocity = np.asarray(guide(0.0)), np.asarray(guide.derivative(0.0))
     return js.Circle(start, velocity, TUBE, start - CENTER)
@@ -121,8 +122,8 @@ def test_derivatives_of_a_torus_are_right_at_the_opposite_of_its_start_and_next_
 def test_gradients_of_a_torus_are_right_at_the_opposite_of_its_start_and_next_to_it():
     """By all data of the ring, along which it stays one, and of the section."""
 
-    def point(guide, section, v):
-        return js.sweep(section, guide)(0.7, v)
+    def point(data, v):
+        return js.sweep(data[1], data[0])(0.7, v)
 
     guide = ring()
     data = (guide, tube(guide))
@@ -133,9 +134,9 @@ def test_gradients_of_a_torus_are_right_at_the_opposite_of_its_start_and_next_to
     @jax.jit
     def slopes(h):
         moved = jax.tree.map(lambda leaf, a: leaf + h * a, data, along)
-        value, push = jax.jvp(lambda *d: point(*d, v), moved, along)
+        value, push = jax.jvp(lambda d: point(d, v), (moved,), (along,))
         weights = jnp.sin(jnp.arange(value.size, dtype=value.dtype)).reshape(value.shape)
-        pull = jax.grad(lambda d: jnp.sum(weights * point(*d, v)))(moved)
+        pull = jax.grad(lambda d: jnp.sum(weights * point(d, v)))(moved)
         return (
             value,
             push,
@@ -201,6 +202,6 @@ def test_few_orientations_are_passed_through(count):
 
 def test_rotations_by_the_caller_are_taken_as_they_are():
     guide, v = guides("B-splines")[0], np.linspace(2, 5, 7)
-    for kind, speed in ((spun, 1.0), (Spin(np.array(1.3)), 1.3)):
+    for kind, speed in ((spun, 1.0), (Spin(jnp.asarray(1.3)), 1.3)):
         wanted = Rotation.from_rotvec(np.array([0, 0, speed]) * (v - 2)[:, None]).as_matrix()
         close(turns(js.sweep(ANY, guide, rotation=kind), v), wanted, 1e-14)

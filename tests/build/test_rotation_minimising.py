@@ -1,6 +1,7 @@
 """Frames without twist: their closed forms, their order, and closed guides."""
 
 import math
+from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -13,7 +14,7 @@ import jaxsurf as js
 ANY = js.Line(OFF, OFF + np.array([0.2, 1.7, 0.4]))
 
 
-def knot():
+def knot() -> Any:
     """A closed curve in space."""
     t = np.linspace(0, 2 * math.pi, 12, endpoint=False)
     points = np.stack(
@@ -33,9 +34,13 @@ def test_along_a_closed_guide_frames_without_twist_close(closed_sweep):
     """In place and turn, and their first derivative: the angle by which they miss each other is given back evenly."""
     surface = closed_sweep
     c, d = map(float, surface.domain[1])
-    close(*turns(surface, np.array([c, d])), 1e-12)
-    close(*surface(np.array([1.0, 1.0]), np.array([c, d])), 1e-12)
-    close(*surface.derivative(1.0, np.array([c, d]), (0, 1)), 1e-7)
+    both = np.array([c, d])
+    for pair, bound in (
+        (turns(surface, both), 1e-12),
+        (surface(1.0, both), 1e-12),
+        (surface.derivative(1.0, both, (0, 1)), 1e-7),
+    ):
+        close(pair[0], pair[1], bound)
     open_kind = eqx.tree_at(lambda s: s.rotation, surface, js.RotationMinimising(None, 1e-9, 512, False))
     first, last = turns(open_kind, np.array([c, d]))
     missed = Rotation.from_matrix(last @ first.T).magnitude()

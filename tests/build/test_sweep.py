@@ -1,5 +1,7 @@
 """Sweeps as shapes: saving, jit, vmap, single precision, grids, B-splines."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -48,7 +50,8 @@ def test_saving_and_loading_keeps_every_bit(surfaces, kind, tmp_path):
 
 
 def test_functions_of_the_user_are_not_saved_and_it_is_said_in_one_sentence(tmp_path):
-    for options in ({"rotation": lambda v: jnp.eye(3) + 0 * v}, {"rotation": "fixed", "blend": lambda t: t}):
+    kinds: list[dict[str, Any]] = [{"rotation": lambda v: jnp.eye(3) + 0 * v}, {"rotation": "fixed", "blend": lambda t: t}]
+    for options in kinds:
         with pytest.raises(js.InputError, match=r"Cannot save `shape\..*function`: it is the function '<lambda>'"):
             js.save(tmp_path / "sweep.jxs", js.sweep(CHARACTERS, PAIR[0], **options))
 
@@ -66,7 +69,8 @@ def test_grid_call_jit_and_single_precision_agree(surfaces, kind):
 
 def test_single_precision_in_gives_single_precision_out():
     low = lambda tree: jax.tree.map(lambda a: a.astype(jnp.float32) if eqx.is_inexact_array(a) else a, tree)
-    for count, options in ((1, {}), (2, {"rotation": "chord", "scale": "chord"})):
+    kinds: list[tuple[int, dict[str, Any]]] = [(1, {}), (2, {"rotation": "chord", "scale": "chord"})]
+    for count, options in kinds:
         surface = js.sweep(low(CHARACTERS), low(PAIR[:count]), **options)
         points = surface.grid(U, V)
         assert points.dtype == surface.dtype == jnp.float32

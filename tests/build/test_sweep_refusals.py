@@ -1,6 +1,7 @@
 """What sweeps refuse, each in one sentence that says which argument, what was expected, what came and what to do."""
 
 import math
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -20,11 +21,11 @@ MEETING = js.Line(OFF + np.array([0, 2.0, 0.4]), OFF + np.array([4.0, 0, 0]))
 FLAT = js.BSplineCurve([[0.0, 0], [1, 0]], [0.0, 0, 1, 1], 1)
 
 
-def along(rotation="guide", guide=GUIDE, character=CHARACTER, **options):
+def along(rotation: Any = "guide", guide: Any = GUIDE, character: Any = CHARACTER, **options: Any):
     return lambda: js.sweep(character, guide, rotation=rotation, **options)
 
 
-def both(rotation="guide", pair=(GUIDE, SECOND), character=CHARACTER, **options):
+def both(rotation: Any = "guide", pair: Any = (GUIDE, SECOND), character: Any = CHARACTER, **options: Any):
     return lambda: js.sweep(character, pair, rotation=rotation, **options)
 
 
