@@ -12,7 +12,9 @@ import jax
 import numpy as np
 
 import jaxsurf as js
+from jaxsurf.build._edge_fields import CurveField
 from jaxsurf.build._network_curves import NetworkEdge
+from jaxsurf.build._tangent_surface import TangentSurface
 from jaxsurf.curve import breaks
 
 
@@ -336,8 +338,8 @@ def _(rng: np.random.Generator) -> Case:
 def _(rng: np.random.Generator) -> Case:
     curve = js.BSplineCurve(_points(rng, 6, 3), clamped(3, 2.9, 4.0), 3)
     offsets = 0.05 * rng.normal(size=(3, 3))
-    data = ([2.2, 3.5, 4.8], offsets, [2.2, 4.8])
-    return Case(NetworkEdge(curve, *(jax.numpy.asarray(x) for x in data)))
+    places, ends = jax.numpy.array([2.2, 3.5, 4.8]), jax.numpy.array([2.2, 4.8])
+    return Case(NetworkEdge(curve, places, jax.numpy.asarray(offsets), ends))
 
 
 @case(SURFACES, "Sweep")
@@ -402,6 +404,14 @@ def _(rng: np.random.Generator) -> Case:
     along_u = [js.BSplineCurve(np.einsum("j,ijd->id", row, points), net.knots_u, 3) for row in _rows(net.basis_v, v)]
     along_v = [js.BSplineCurve(np.einsum("i,ijd->jd", row, points), net.knots_v, 2) for row in _rows(net.basis_u, u)]
     return Case(js.gordon(along_u, along_v, u, v))
+
+
+@case(SURFACES, "TangentSurface")
+def _(rng: np.random.Generator) -> Case:
+    surface = make("BSplineSurface").shape
+    normals = [0.5 * rng.normal(size=(2, 3)) + [0, 0, 3] for _ in range(2)]
+    first, second = (CurveField(js.BSplineCurve(n, js.clamped_knots(2, 1), 1)) for n in normals)
+    return Case(TangentSurface(surface, (first, None, None, second), "gregory"))
 
 
 def _rows(basis: js.BSplineBasis, places: np.ndarray) -> list[np.ndarray]:

@@ -97,8 +97,8 @@ def as_edge_field(given: Any, surface: AbstractSurface, side: str) -> AbstractEd
         normals = jnp.broadcast_to(normals, (2, 3))
     if normals.ndim != 2 or normals.shape[1] != 3 or normals.shape[0] < 2:
         raise InputError(
-            f"`{side}` must be normals (n, 3) at even shares of the side, one normal (3,), a curve of normals, a function of the "
-            f"parameter, or (surface, side) of a neighbour, got shape {normals.shape}."
+            f"`{side}` must be normals (n, 3) at even shares of the side, one normal (3,), a curve of normals, a function "
+            f"of the parameter, or (surface, side) of a neighbour, got shape {normals.shape}."
         )
     return CurveField(_through(normals))
 

@@ -24,8 +24,8 @@ class Square:
         return self.surface.point(carried(s, (0.0, 1.0), along_u), carried(t, (0.0, 1.0), along_v))
 
     def on_side(self, axis: int, end: int, share: Share) -> tuple[Point, Point, Point]:
-        """The point on side s = end (axis 0) or t = end (axis 1) at a share along it, the derivative along the side, and the one
-        across it, by the share that is fixed there."""
+        """The point on side s = end (axis 0) or t = end (axis 1) at a share along it, and the derivatives along and across
+        it."""
         fixed = jnp.asarray(float(end), share.dtype)
 
         def both(x: Share, y: Share) -> Point:
@@ -43,6 +43,6 @@ class Square:
         return first, value_and_slope(lambda y: self(s, y), t)[1], mixed
 
 
-def hermite_weight(end: int, x: Float[Array, "*n"]) -> Float[Array, "*n"]:
+def hermite_weight(end: int, x: Any) -> Any:
     """The cubic with slope 1 at this end, and with value 0 at both ends and slope 0 at the other one."""
     return x * (1 - x) ** 2 if end == 0 else x * x * (x - 1)

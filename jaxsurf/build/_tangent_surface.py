@@ -254,7 +254,7 @@ def _gregory_share(s: Float[Array, ""], t: Float[Array, ""]) -> Float[Array, ""]
     return jnp.where(corner, 0.5, b / jnp.where(corner, 1, a + b))
 
 
-def hermite_line(points: Float[Array, "2 3"], across: Float[Array, "2 3"], x: float) -> Float[Array, "3"]:
+def hermite_line(points: Float[Array, "2 3"], across: Float[Array, "2 3"], x: Any) -> Float[Array, "3"]:
     """The cubic with these ends and end slopes."""
     rise = x * x * (3 - 2 * x)
     return (1 - rise) * points[0] + rise * points[1] + hermite_weight(0, x) * across[0] + hermite_weight(1, x) * across[1]
@@ -263,7 +263,7 @@ def hermite_line(points: Float[Array, "2 3"], across: Float[Array, "2 3"], x: fl
 def _share_of_scaling(
     line: LineMap, points: Float[Array, "2 3"], across: Float[Array, "2 3"], below: Float[Array, "2"], given: list[bool]
 ) -> Float[Array, ""]:
-    """1 where F behaves, 0 near rows where its denominator vanishes, smooth between: both keep the planes, and so do mixtures.
+    """1 where F behaves, 0 near rows where its denominator vanishes: both keep the planes, and so does any mixture.
 
     1/γ = (4/27) |denominator| / max |[N; X_h]| over the row's cubic X_h; the share is smoothstep(6 (1/γ − 1/3)).
     """

@@ -17,7 +17,7 @@ from .._safe import divide, norm, unit
 from ..basis import BSplineBasis, check_knots, clamped_knots
 from ..quaternion import angular_velocity, blended_direction, blended_on_spans
 from ..quaternion._control import as_tolerance, check_directions, largest_angle, ready_angle
-from ..quaternion._pieces import CURVE_NODES as NODES, gauss_places, integral_matrix, pieces_per_span
+from ..quaternion._pieces import curve_layout, gauss_places, integral_matrix
 from ._abstract import AbstractCurve
 from ._breaks import breaks, knot_breaks
 
@@ -103,9 +103,9 @@ class QICurve(AbstractCurve):
         return self.basis.domain
 
     @property
-    def pieces(self) -> int:
-        """How many polynomials stand for a span."""
-        return pieces_per_span(self.degree, self.angle, self.tolerance, NODES)
+    def layout(self) -> tuple[int, int]:
+        """How many polynomials stand for a span, and through how many nodes each goes."""
+        return curve_layout(self.degree, self.angle, self.tolerance, self.tangents.shape[0] - self.degree)
 
     @property
     def speed(self) -> Float[Array, ""]:
@@ -132,18 +132,19 @@ class QICurve(AbstractCurve):
     def prepared(self) -> "PreparedQICurve":
         """The curve with the polynomials of its pieces."""
         knots, degree, count = self.knots, self.degree, self.tangents.shape[0]
-        directions = blended_on_spans(self.basis, self.tangents, gauss_places(self.pieces, NODES))
-        directions = directions.reshape(-1, NODES, 3)
+        pieces, nodes = self.layout
+        directions = blended_on_spans(self.basis, self.tangents, gauss_places(pieces, nodes))
+        directions = directions.reshape(-1, nodes, 3)
         # differences from an amid direction first: they are small, and lose no digits to large powers
-        middle = directions[:, NODES // 2]
+        middle = directions[:, nodes // 2]
         around = jnp.einsum(
-            "kq,pqx->pkx", jnp.asarray(integral_matrix(NODES), self.dtype), directions - middle[:, None], precision="highest"
+            "kq,pqx->pkx", jnp.asarray(integral_matrix(nodes), self.dtype), directions - middle[:, None], precision="highest"
         )
-        halves = jnp.repeat(jnp.diff(knots[degree : count + 1]), self.pieces)[:, None] * (self.speed / (2 * self.pieces))
-        powers = [around[:, 0] + middle, around[:, 1] + middle, *(around[:, k] for k in range(2, NODES + 1))]
+        halves = jnp.repeat(jnp.diff(knots[degree : count + 1]), pieces)[:, None] * (self.speed / (2 * pieces))
+        powers = [around[:, 0] + middle, around[:, 1] + middle, *(around[:, k] for k in range(2, nodes + 1))]
         powers = [halves * power for power in powers]
         whole = sum(powers)  # at +1
-        powers[0] = powers[0] + (jnp.cumsum(whole, axis=0) - whole)
+        powers[0] = powers[0] + (self.start[None] + (jnp.cumsum(whole, axis=0) - whole))
         # the numbers of a piece side by side: they are fetched together
         return PreparedQICurve(self, jnp.stack(powers, axis=1).reshape(-1, 3))
 
@@ -152,7 +153,7 @@ class QICurve(AbstractCurve):
 
 
 class PreparedQICurve(AbstractCurve):
-    """A `QICurve` with the coefficients of its points from the start, by piece and power of the place in it."""
+    """A `QICurve` with the coefficients of its points, by piece and power of the place in it."""
 
     curve: QICurve
     rows: Float[Array, "r 3"]
@@ -169,9 +170,9 @@ class PreparedQICurve(AbstractCurve):
 
     def derivatives(self, u: Float[Array, ""], order: int) -> list[Float[Array, "3"]]:
         """The point and derivatives up to `order`, of the polynomial: cheap, and less exact with every order."""
-        piece, place, slope = place_in_piece(self.curve.basis, self.curve.pieces, u)
-        found = horner(self.rows, piece * (NODES + 1), NODES + 1, place, slope, order)
-        return [self.curve.start + found[0], *found[1:]]
+        pieces, nodes = self.curve.layout
+        piece, place, slope = place_in_piece(self.curve.basis, pieces, u)
+        return horner(self.rows, piece * (nodes + 1), nodes + 1, place, slope, order)
 
 
 @jax.custom_jvp
@@ -221,11 +222,15 @@ def place_in_piece(
     basis: BSplineBasis, pieces: int, u: Float[Array, ""]
 ) -> tuple[Int[Array, ""], Float[Array, ""], Float[Array, ""]]:
     """Number of the piece around `u`, spans cut in equal ones; the place in it, from −1 to 1, and its slope by `u`."""
-    first = basis.span(u)
-    start, end = take(basis.knots, first + basis.degree), take(basis.knots, first + basis.degree + 1)
-    share = (u - start) / (end - start) * pieces
-    piece = jnp.clip(jnp.floor(jax.lax.stop_gradient(share)), 0, pieces - 1)
-    return first * pieces + piece.astype(jnp.int32), 2 * (share - piece) - 1, 2 * pieces / (end - start)
+    if basis.size == basis.degree + 1:  # one span: nothing to look up
+        first, (start, end) = jnp.zeros((), jnp.int32), basis.domain
+    else:
+        first = basis.span(u)
+        start, end = take(basis.knots, first + basis.degree), take(basis.knots, first + basis.degree + 1)
+    scale = pieces / (end - start)
+    share = (u - start) * scale
+    piece = jnp.clip(jax.lax.stop_gradient(share).astype(jnp.int32), 0, pieces - 1)
+    return first * pieces + piece, 2 * (share - piece.astype(share.dtype)) - 1, 2 * scale
 
 
 def horner(
@@ -246,9 +251,10 @@ def horner(
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _polynomial(count: int, rows: Float[Array, "r w"], first: Int[Array, ""], place: Float[Array, ""]) -> Float[Array, "w"]:
     """Row by row, which compilers fuse; derivatives by the place share one fetch of all rows."""
-    total = take(rows, first + count - 1)
+    row = (lambda k: rows[k]) if rows.shape[0] == count else (lambda k: take(rows, first + k))
+    total = row(count - 1)
     for power in range(count - 2, -1, -1):
-        total = total * place + take(rows, first + power)
+        total = total * place + row(power)
     return total
 
 

@@ -57,6 +57,7 @@ def fit(
     weights: Numbers | None = None,
     start: Numbers | None = None,
     sliding: float = 1e-3,
+    release: float = 1.0,
     rtol: float = 1e-5,
     max_steps: int = 60,
     progress: Progress = silent,
@@ -72,7 +73,8 @@ def fit(
     point determines; `None` is a weight too weak to be seen in the covered part. rest: the net on the same knots from which
     bending is counted, by default a flat one.
     start: parameters of first feet, from an earlier fit. sliding: how much the solver resists gliding of the net along the
-    sheet, which points do not see; it steers the way, not the goal.
+    sheet, which points do not see; release: by how much at most that falls while steps are as good as predicted. Both steer
+    the way, not the goal.
     phase: what `progress` is told.
 
     Levenberg-Marquardt on signed distances with the feet eliminated (Gauss-Newton by the envelope theorem), normal
@@ -110,7 +112,7 @@ def fit(
             name,
             fairness != 0,
         )
-        solved = {"rtol": rtol, "max_steps": max_steps, "progress": progress, "phase": phase}
+        solved = {"rtol": rtol, "max_steps": max_steps, "release": release, "progress": progress, "phase": phase}
         for _ in range(_RENEWALS + 1):
             found = solve(problem, feet, penalty, **solved)
             shape, feet, total = _member(problem, found.theta), found.feet, total + found.steps

@@ -18,9 +18,6 @@ from ._problem import Problem
 EvalGradHessian = optx.FunctionInfo.EvalGradHessian
 
 
-_FREEST = 1e4  # by how much the resistance to gliding may fall
-
-
 class _State(eqx.Module):
     first_step: Bool[Array, ""]
     step_size: Float[Array, ""]
@@ -62,11 +59,13 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
 
     `fn(θ, (problem, feet, penalty))` gives the value and (gradient, matrix, feet); the pass starts the feet of a trial θ
     from those of the last accepted one. It ends when an accepted step has lowered the value by less than `rtol` of it, or
-    when steps are refused at a step size below 10⁻⁹.
+    when steps are refused at a step size below 10⁻⁹. release: by how much at most the resistance to gliding falls while
+    steps are as good as was predicted.
     """
 
     rtol: Any
     atol: float
+    release: Any = 1.0
     norm: Callable[[Any], Any] = optx.max_norm
     descent: MarquardtDescent = MarquardtDescent()
     search: optx.ClassicalTrustRegion = optx.ClassicalTrustRegion(high_cutoff=0.75, low_cutoff=0.01)
@@ -93,8 +92,7 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
 
     def step(self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any) -> tuple[Any, _State, Any]:
         problem, _, penalty = args
-        # while steps are as good as was predicted, the shape is let glide more and more freely
-        free = problem.sliding / jnp.clip(state.step_size, 1, _FREEST)
+        free = problem.sliding / jnp.clip(state.step_size, 1, self.release)
         problem = eqx.tree_at(lambda p: p.sliding, problem, free)
         value, (gradient, matrix, feet) = fn(state.trial, (problem, state.feet, penalty))
         trial_info = EvalGradHessian(value, gradient, lx.MatrixLinearOperator(matrix, lx.positive_semidefinite_tag))
@@ -137,6 +135,7 @@ def solve(
     *,
     rtol: float,
     max_steps: int,
+    release: float = 1.0,
     progress: Progress = silent,
     phase: str = "fit",
 ) -> Solved:
@@ -146,7 +145,8 @@ def solve(
     from outside.
     """
     # arrays, not floats: another tolerance must not compile again
-    solver = NormalEquationsSolver(rtol=jnp.asarray(rtol, problem.points.dtype), atol=0.0)
+    rtol, release = (jnp.asarray(x, problem.points.dtype) for x in (rtol, release))
+    solver = NormalEquationsSolver(rtol=rtol, atol=0.0, release=release)
     theta = problem.unknowns()
     args = (problem, feet, penalty)
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):

@@ -26,6 +26,7 @@ from ._losses import find_loss
 
 _SPANS = (3, 3)  # of the net whose isolines are the first guides and characters
 _SLIDING = 0.1
+_RELEASE = 1e4  # guides and characters must find their own lines on the sheet
 _RTOL = 1e-3
 _SAMPLES = 60
 
@@ -103,7 +104,8 @@ def fit_sweep(
     if points.shape[0] < most:
         raise InputError(f"`points` must be at least as many as the {most} numbers of a sweep, got {points.shape[0]}.")
     sheet = fit_cloud(points, spans=_SPANS, progress=lambda event: progress(Event("parametrise", event.step)))
-    options = {"loss": loss, "fairness": fairness, "sliding": _SLIDING, "rtol": _RTOL, "progress": progress}
+    options = {"loss": loss, "fairness": fairness, "sliding": _SLIDING, "release": _RELEASE, "rtol": _RTOL}
+    options["progress"] = progress
     tried: list[tuple[Candidate, Fit]] = []
     for kind in chosen:
         start = _start(sheet.shape, kind, guide_points, character_points)

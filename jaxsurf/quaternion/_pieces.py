@@ -8,9 +8,11 @@ from itertools import count
 import numpy as np
 from jaxtyping import Float
 
-CURVE_NODES = 10
+CURVE_NODES = (6, 7, 8, 10)
 SURFACE_NODES = 16
 """Gauss-Legendre nodes of a piece, per direction: fewer need more pieces and so larger tables, more cost more per point."""
+
+_LARGEST_TABLE = 1000  # rows of three numbers, which the fastest cache holds
 
 
 def gauss_places(pieces: int, nodes: int) -> Float[np.ndarray, "q"]:
@@ -36,6 +38,16 @@ def integral_matrix(nodes: int) -> Float[np.ndarray, "r q"]:
         raised[k + 1] += series[k] / (2 * k + 1)
         raised[k - 1] -= series[k] / (2 * k + 1)
     return _to_powers(raised)
+
+
+@cache
+def curve_layout(degree: int, angle: float, tolerance: float, spans: int) -> tuple[int, int]:
+    """Pieces per span and nodes per piece of a curve: as few nodes as its table stays small with."""
+    for nodes in CURVE_NODES:
+        pieces = pieces_per_span(degree, angle, tolerance, nodes)
+        if spans * pieces * (nodes + 1) <= _LARGEST_TABLE:
+            break
+    return pieces, nodes
 
 
 @cache

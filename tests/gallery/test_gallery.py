@@ -79,7 +79,7 @@ def table(made, start):
 
 
 def test_sweeps_of_figure_4_stay_on_their_guides(sweeps):
-    distances = [value for row in table(sweeps, "Figure 4") for value in row[2:] if value != "none"]
+    distances = [value for row in table(sweeps, "Figure 4") for value in row[2:] if value is not None]
     assert len(distances) == 9 and max(distances) < 1e-14
 
 
