@@ -95,7 +95,7 @@ def test_replaced_control_data_are_checked_and_made_ready():
     longer = c.replace(length=5.0, start=(0, 0, 0))
     np.testing.assert_allclose(longer(PLACES), 2 * (np.asarray(c(PLACES)) - [1, 2, 3]), rtol=0, atol=1e-12)
     wild = c.replace(tangents=np.array([[1, 0, 0], [-1, 0.05, 0]] * 3, float))
-    assert wild.angle > c.angle and wild.layout[0] > c.layout[0]
+    assert wild.angle > c.angle and wild.layout > c.layout
     with pytest.raises(js.InputError, match=r"tangents\[1\].*tangents\[2\]"):
         c.replace(tangents=np.array([[1, 0, 0], [0, 1, 0], [0, -1, 0], [1, 0, 0]], float), knots=js.clamped_knots(4, 3))
     with pytest.raises(js.InputError, match="positive"):
