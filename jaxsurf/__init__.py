@@ -3,6 +3,7 @@ from ._errors import GeometryWarning as GeometryWarning, InputError as InputErro
 from ._lazy import __dir__ as __dir__, __getattr__ as __getattr__
 from ._progress import Event as Event, silent as silent
 from ._registry import register as register
+from .audit import Continuity as Continuity, continuity as continuity
 from .basis import (
     BSplineBasis as BSplineBasis,
     clamped_knots as clamped_knots,

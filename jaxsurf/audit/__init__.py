@@ -1,0 +1,1 @@
+from ._continuity import Continuity as Continuity, continuity as continuity
