@@ -3,7 +3,12 @@ from ._errors import GeometryWarning as GeometryWarning, InputError as InputErro
 from ._lazy import __dir__ as __dir__, __getattr__ as __getattr__
 from ._progress import Event as Event, silent as silent
 from ._registry import register as register
-from .audit import Continuity as Continuity, continuity as continuity
+from .audit import (
+    Continuity as Continuity,
+    SharedEdge as SharedEdge,
+    continuity as continuity,
+    shared_edges as shared_edges,
+)
 from .basis import (
     BSplineBasis as BSplineBasis,
     clamped_knots as clamped_knots,

@@ -15,7 +15,7 @@ from ..query import closest_point
 from ..surface import AbstractSurface, TrimmedSurface
 from ._gaps import Gaps, gaps
 from ._matching import Match, feet_on, match, nearest_distance
-from ._sides import AbstractPath, Rim, RimCurve, named_rims, sampled
+from ._sides import AbstractPath, Rim, RimCurve, named_rims, rim_points, sampled
 
 GAP, ANGLE, CURVATURE = 1e-6, 1e-3, 1e-2
 """Up to what an edge counts as G0 (in lengths of the edge), G1 (radians) and G2 (relative) unless other limits are given."""
@@ -71,8 +71,8 @@ class Continuity(eqx.Module):
 
     @property
     def folded(self) -> Bool[Array, "n"]:
-        """Where the sheets fold back upon each other: g1 is beyond a right angle."""
-        return self.g1 > jnp.pi / 2
+        """Where the sheets fold back upon each other: g1 is beyond three quarters of π."""
+        return self.g1 > 0.75 * jnp.pi
 
     def order(self, *, gap: float | None = None, angle: float = ANGLE, curvature: float = CURVATURE) -> int:
         """The order of continuity that holds everywhere: 2, 1, 0, or -1 where not even the points meet.
@@ -88,7 +88,7 @@ class Continuity(eqx.Module):
         degrees = float(jnp.rad2deg(self.max_g1))
         fold = ", folded back" if bool(jnp.any(self.folded)) else ""
         return (
-            f"edge of length {float(self.length):.6g}: {self.side_a} of a on {self.side_b} of b{way}; samples: {len(self.g0)}\n"
+            f"{self.side_a} of a on {self.side_b} of b{way}, length {float(self.length):.6g}, {len(self.g0)} samples\n"
             f"G0 {float(self.max_g0):.3e}\n"
             f"G1 {float(self.max_g1):.3e} rad ({degrees:.3e}°){fold}\n"
             f"G2 {float(self.max_g2):.3e} per length ({float(self.max_g2_relative):.3e} relative)"
@@ -139,14 +139,22 @@ def continuity(
     pairs = [(p, q) for p in rims_a for q in rims_b if p.length > 0 < q.length and not (same and p.name == q.name)]
     found = [(p, q, held) for p, q in pairs if (held := match(p, q, reach)) is not None]
     if not found:
-        raise InputError(_nothing_shared(pairs, reach))
+        raise InputError(_nothing_shared(*min(((nearest_distance(*pair), *pair) for pair in pairs), key=_first), reach))
     least = min(held.apart + held.slack for _, _, held in found)
     near = [edge for edge in found if edge[2].apart - edge[2].slack <= least]
     measured = [measure(a, b, *edge, count, part) for edge in near]
+    apart = [float(one.max_g0) for one in measured]
+    if min(apart) > reach:
+        raise InputError(
+            _nothing_shared(*min(((d, p, q) for d, (p, q, _) in zip(apart, near, strict=True)), key=_first), reach)
+        )
     # of edges that are equally near the longest
-    noise = 1e-9 * max(rim.length for rim in (*rims_a, *rims_b))
-    best = min(float(one.max_g0) for one in measured) + noise
-    return max((one for one in measured if float(one.max_g0) <= best), key=lambda one: float(one.length))
+    best = min(apart) + 1e-9 * max(rim.length for rim in (*rims_a, *rims_b))
+    return max((one for d, one in zip(apart, measured, strict=True) if d <= best), key=lambda one: float(one.length))
+
+
+def _first(row: tuple[float, Rim, Rim]) -> float:
+    return row[0]
 
 
 def _check(surface: Any, argument: str) -> None:
@@ -159,8 +167,7 @@ def untrimmed(surface: AbstractSurface) -> AbstractSurface:
     return surface.surface if isinstance(surface, TrimmedSurface) else surface
 
 
-def _nothing_shared(pairs: list[tuple[Rim, Rim]], reach: float) -> str:
-    apart, p, q = min(((nearest_distance(p, q), p, q) for p, q in pairs), key=lambda found: found[0])
+def _nothing_shared(apart: float, p: Rim, q: Rim, reach: float) -> str:
     return (
         f"`a` and `b` share no edge within `tolerance` = {reach:.3g}: the sides nearest to each other, {p.name} of `a` and "
         f"{q.name} of `b`, are {apart:.3g} apart; move the surfaces together, give other sides or a larger `tolerance`."
@@ -175,8 +182,8 @@ def measure(
     start, end = _exact_ends(a, first, second, held, count) if part is None else (float(x) for x in part)
     shares = np.linspace(start, end, count)
     shares = jnp.asarray(np.where(shares > 1, shares - 1, shares), dtype)
-    curve_a, curve_b = RimCurve(a, first.path), RimCurve(b, second.path)
-    points = curve_a(shares).astype(b.dtype)
+    curve_b = RimCurve(b, second.path)
+    points = rim_points(a, first.path, shares).astype(b.dtype)
     begin = feet_on(second, concrete(points).astype(float)).place / (len(second.points) - 1)
     foot = closest_point(curve_b, points, start=begin)
     places = foot.parameters
@@ -219,7 +226,7 @@ def _traced(
 ) -> Continuity:
     start, end = (jnp.asarray(x, a.dtype) for x in ((0.0, 1.0) if part is None else part))
     shares = start + (end - start) * jnp.linspace(0, 1, count, dtype=a.dtype)
-    points = jax.vmap(RimCurve(a, first[1]).point)(shares).astype(b.dtype)
+    points = rim_points(a, first[1], shares).astype(b.dtype)
     places = closest_point(RimCurve(b, second[1]), points).parameters
     found = gaps(a, first[1], shares, b, second[1], places)
     return _result(first[0], second[0], found, found)

@@ -180,14 +180,15 @@ def sampled(surface: AbstractSurface, paths: dict[str, AbstractPath]) -> list[Ri
     shares = jnp.linspace(0, 1, count + 1, dtype=surface.dtype)
     found = []
     for name, path in paths.items():
-        points = concrete(_points(surface, path, shares)).astype(float)
+        points = concrete(rim_points(surface, path, shares)).astype(float)
         found.append(Rim(name, path, points, *_length(points)))
     size = max((rim.length for rim in found), default=0.0)
     return [rim._replace(length=0.0) if rim.length <= 1e-9 * size else rim for rim in found]
 
 
 @eqx.filter_jit
-def _points(surface: AbstractSurface, path: AbstractPath, shares: Float[Array, "n"]) -> Float[Array, "n 3"]:
+def rim_points(surface: AbstractSurface, path: AbstractPath, shares: Float[Array, "n"]) -> Float[Array, "n 3"]:
+    """Points of a rim."""
     return jax.vmap(RimCurve(prepare(surface), path).point)(shares)
 
 

@@ -44,6 +44,9 @@ def _parser() -> argparse.ArgumentParser:
     from ._sweep import DESCRIPTION, add_sweep
 
     add_sweep(commands.add_parser("sweep", help="make a surface from guides and characters", description=DESCRIPTION))
+    from ._audit import DESCRIPTION as AUDIT, add_audit
+
+    add_audit(commands.add_parser("audit", help="measure how closely the faces of a model meet", description=AUDIT))
     gallery = commands.add_parser(
         "gallery", help="rebuild the figures of the papers and measure them", description="Pages with pictures and figures."
     )
