@@ -11,16 +11,19 @@ from jaxtyping import Array, Bool, Float
 from .._array import concrete, is_concrete
 from .._errors import InputError
 from .._safe import norm
-from ..query import closest_point
 from ..surface import AbstractSurface, TrimmedSurface
-from ._gaps import Gaps, gaps
+from ._feet import Start, differentiable_feet, rim_feet
+from ._gaps import Gaps, gaps, gaps_at_feet
 from ._matching import Match, feet_on, match, nearest_distance
-from ._sides import AbstractPath, Rim, RimCurve, named_rims, rim_points, sampled
+from ._sides import AbstractPath, Rim, named_rims, rim_points, sampled
 
 GAP, ANGLE, CURVATURE = 1e-6, 1e-3, 1e-2
 """Up to what an edge counts as G0 (in lengths of the edge), G1 (radians) and G2 (relative) unless other limits are given."""
 
 _TOLERANCE = 1e-2  # of the size: how far apart edges may be and still be taken for one
+
+
+_SAMPLES = 513  # of a traced side
 
 
 class Continuity(eqx.Module):
@@ -96,8 +99,8 @@ class Continuity(eqx.Module):
 
 
 def continuity(
-    a: AbstractSurface,
-    b: AbstractSurface,
+    a: Any,
+    b: Any,
     side_a: str | None = None,
     side_b: str | None = None,
     *,
@@ -132,8 +135,8 @@ def continuity(
     rims_a, rims_b = sampled(a, paths_a), sampled(b, paths_b)
     for surface, side, known in (("a", side_a, rims_a), ("b", side_b, rims_b)):
         if not any(rim.length > 0 for rim in known):
-            what = f"side {side} of" if side else "every side of"
-            raise InputError(f"{what[0].upper()}{what[1:]} `{surface}` is a single point; give a side that has a length.")
+            what = f"Side {side}" if side else "Every side"
+            raise InputError(f"{what} of `{surface}` is a single point; give a side that has a length.")
     corners = np.concatenate([rim.points for rim in (*rims_a, *rims_b)])
     reach = _TOLERANCE * float(np.linalg.norm(np.ptp(corners, axis=0))) if tolerance is None else float(tolerance)
     pairs = [(p, q) for p in rims_a for q in rims_b if p.length > 0 < q.length and not (same and p.name == q.name)]
@@ -179,18 +182,12 @@ def measure(
 ) -> Continuity:
     """The gaps along a matched part of two rims of concrete surfaces."""
     dtype = a.dtype
-    start, end = _exact_ends(a, first, second, held, count) if part is None else (float(x) for x in part)
+    start, end = _exact_ends(a, first, second, held) if part is None else (float(x) for x in part)
     shares = np.linspace(start, end, count)
     shares = jnp.asarray(np.where(shares > 1, shares - 1, shares), dtype)
-    curve_b = RimCurve(b, second.path)
-    points = rim_points(a, first.path, shares).astype(b.dtype)
-    begin = feet_on(second, concrete(points).astype(float)).place / (len(second.points) - 1)
-    foot = closest_point(curve_b, points, start=begin)
-    places = foot.parameters
-    if second.closed:  # a search does not go over the end: begin at the other one too
-        other = closest_point(curve_b, points, start=np.where(begin < 0.5, 1.0, 0.0))
-        places = jnp.where(other.distance < foot.distance, other.parameters, places)
-    found = gaps(a, first.path, shares, b, second.path, places.astype(b.dtype))
+    points = concrete(rim_points(a, first.path, shares)).astype(float)
+    begin = feet_on(second, points).place / (len(second.points) - 1)
+    found = gaps_at_feet(a, first.path, shares, b, second.path, _start(begin, second, b.dtype))
     keep = concrete(found.regular)
     if not keep.any():
         raise InputError(
@@ -200,19 +197,24 @@ def measure(
     return _result(first.name, second.name, kept, found)
 
 
-def _exact_ends(a: AbstractSurface, first: Rim, second: Rim, held: Match, count: int) -> tuple[float, float]:
+def _start(begin: np.ndarray, rim: Rim, dtype: Any) -> Start:
+    """Begin at feet on the polygon of a rim's samples."""
+    width = np.full_like(begin, 2 / (len(rim.points) - 1))
+    return Start(jnp.asarray(begin, dtype), jnp.asarray(width, dtype), jnp.full(begin.shape, rim.closed))
+
+
+def _exact_ends(a: AbstractSurface, first: Rim, second: Rim, held: Match) -> tuple[float, float]:
     """The ends of the shared part at exact feet of the second rim's ends."""
     ends = [held.start, held.end]
     inner = [k for k, number in enumerate((held.lowest, held.highest)) if number >= 0 and ends[k] not in (0.0, 1.0)]
     if inner:
         given = second.points[[(held.lowest, held.highest)[k] for k in inner]]
-        turns = np.floor([ends[k] for k in inner])
-        # as many as there will be samples: the search is compiled once for both
-        rows = np.resize(np.arange(len(inner)), count)
-        begin = np.array([ends[k] for k in inner]) - turns
-        foot = closest_point(RimCurve(a, first.path), given[rows], start=begin[rows])
-        for k, place in zip(inner, concrete(foot.parameters)[: len(inner)] + turns, strict=True):
-            ends[k] = float(place)
+        begin = np.array([ends[k] for k in inner])
+        # two rows always: compiled once
+        rows = np.resize(np.arange(len(inner)), 2)
+        found = rim_feet(a, first.path, jnp.asarray(given[rows], a.dtype), _start(begin[rows], first, a.dtype))
+        for k, place in zip(inner, concrete(found).astype(float)[: len(inner)], strict=True):
+            ends[k] = place + round(ends[k] - place)
     return ends[0], ends[1]
 
 
@@ -227,7 +229,12 @@ def _traced(
     start, end = (jnp.asarray(x, a.dtype) for x in ((0.0, 1.0) if part is None else part))
     shares = start + (end - start) * jnp.linspace(0, 1, count, dtype=a.dtype)
     points = rim_points(a, first[1], shares).astype(b.dtype)
-    places = closest_point(RimCurve(b, second[1]), points).parameters
+    samples = jnp.linspace(0, 1, _SAMPLES, dtype=b.dtype)
+    known = rim_points(b, second[1], samples)
+    nearest = jax.vmap(lambda p: jnp.argmin(jnp.sum((known - p[None]) ** 2, axis=1)))(points)
+    begin = samples[nearest]
+    start_b = Start(begin, jnp.full_like(begin, 2 / (_SAMPLES - 1)), jnp.zeros(begin.shape, bool))
+    places = differentiable_feet(b, second[1], points, rim_feet(b, second[1], points, start_b))
     found = gaps(a, first[1], shares, b, second[1], places)
     return _result(first[0], second[0], found, found)
 

@@ -10,10 +10,10 @@ from jaxtyping import Array, Bool, Float
 from .._array import eps
 from .._prepared import prepare
 from .._safe import angle, divide, norm, unit
-from ..differential import Partials2, second_partials_at
-from ..differential._normal import quick_partials_at
+from ..differential import Partials2
 from ..surface import AbstractSurface
-from ._sides import AbstractPath, Place, has_quick_derivatives
+from ._feet import Start, foot
+from ._sides import AbstractPath, Place, partials_on
 
 
 class Gaps(NamedTuple):
@@ -52,12 +52,38 @@ def gaps(
 ) -> Gaps:
     """The gaps between places of two rims that belong to each other."""
     a, b = prepare((a, b))
-    return jax.vmap(lambda s, t: _gaps_at(a, path_a.at(s), b, path_b.at(t)))(shares_a, shares_b)
+
+    def one(s: Float[Array, ""], t: Float[Array, ""]) -> Gaps:
+        at, other = path_a.at(s), path_b.at(t)
+        return _gaps_at(a, at, partials_on(a, at), b, other, partials_on(b, other))
+
+    return jax.vmap(one)(shares_a, shares_b)
 
 
-def _gaps_at(a: AbstractSurface, at: Place, b: AbstractSurface, bt: Place) -> Gaps:
-    # Without the barriers the compiler works out the derivatives anew for each result.
-    second_a, second_b = jax.lax.optimization_barrier((_second_partials(a, at), _second_partials(b, bt)))
+@eqx.filter_jit
+def gaps_at_feet(
+    a: AbstractSurface,
+    path_a: AbstractPath,
+    shares_a: Float[Array, "n"],
+    b: AbstractSurface,
+    path_b: AbstractPath,
+    start: Start,
+) -> Gaps:
+    """The gaps between places of the first rim and their feet on the second; no derivatives."""
+    a, b = prepare((a, b))
+
+    def one(s: Float[Array, ""], begin: Start) -> Gaps:
+        at = path_a.at(s)
+        second = partials_on(a, at)
+        share, partials = foot(b, path_b, second.point.astype(b.dtype), begin)
+        return _gaps_at(a, at, second, b, path_b.at(share), partials)
+
+    return jax.vmap(one)(shares_a, start)
+
+
+def _gaps_at(a: AbstractSurface, at: Place, in_a: Partials2, b: AbstractSurface, bt: Place, in_b: Partials2) -> Gaps:
+    # Without the barrier the compiler works out the derivatives anew for each result.
+    second_a, second_b = jax.lax.optimization_barrier((in_a, in_b))
     sheet_a, sheet_b = _sheet(second_a, at), _sheet(second_b, bt)
     turned = sheet_a.along @ sheet_b.along < 0
     # The sheets go on into each other where these are the same, and fold back where they are opposite.
@@ -76,11 +102,6 @@ def _gaps_at(a: AbstractSurface, at: Place, b: AbstractSurface, bt: Place) -> Ga
         _is_regular(a, second_a) & _is_regular(b, second_b),
         turned,
     )
-
-
-def _second_partials(surface: AbstractSurface, place: Place) -> Partials2:
-    differentiate = quick_partials_at if has_quick_derivatives(surface) else second_partials_at
-    return differentiate(surface, place.parameters[0], place.parameters[1])
 
 
 def _sheet(second: Partials2, place: Place) -> _Sheet:

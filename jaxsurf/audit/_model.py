@@ -25,9 +25,7 @@ class SharedEdge(NamedTuple):
     continuity: Continuity
 
 
-def shared_edges(
-    surfaces: Sequence[AbstractSurface], *, count: int = 65, tolerance: float | None = None
-) -> tuple[SharedEdge, ...]:
+def shared_edges(surfaces: Sequence[Any], *, count: int = 65, tolerance: float | None = None) -> tuple[SharedEdge, ...]:
     """Every edge that two of the surfaces share, also the seam of one with itself, measured as by `js.continuity`.
 
     Sides of surfaces, and pieces of the loops of trimmed ones, are compared where their bounding boxes come within

@@ -13,7 +13,8 @@ from .._array import concrete, eps
 from .._errors import InputError
 from .._prepared import prepare
 from ..curve import AbstractCurve, BSplineCurve
-from ..differential import jet
+from ..differential import Partials2, jet, second_partials_at
+from ..differential._normal import quick_partials_at
 from ..surface import AbstractSurface, TrimmedSurface, breaks
 
 SIDES = ("u0", "u1", "v0", "v1")
@@ -24,10 +25,11 @@ _PER_SPAN, _LEAST = 8, 64
 
 
 class Place(NamedTuple):
-    """Parameters on a rim, how they change along it, and a way from there into the face; each (2,)."""
+    """Parameters on a rim, their first and second derivatives by the share, and a way into the face; each (2,)."""
 
     parameters: Float[Array, "2"]
     along: Float[Array, "2"]
+    turn: Float[Array, "2"]
     inward: Float[Array, "2"]
 
 
@@ -49,7 +51,7 @@ class StraightPath(AbstractPath):
     def at(self, share: Float[Array, ""]) -> Place:
         way = self.end - self.start
         parameters = jnp.where(share < 0.5, self.start + share * way, self.end - (1 - share) * way)
-        return Place(parameters, way, self.inward)
+        return Place(parameters, way, jnp.zeros_like(way), self.inward)
 
 
 class LoopPath(AbstractPath):
@@ -62,8 +64,9 @@ class LoopPath(AbstractPath):
     def at(self, share: Float[Array, ""]) -> Place:
         way = self.end - self.start
         parameter = jnp.where(share < 0.5, self.start + share * way, self.end - (1 - share) * way)
-        place, slope = jax.jvp(self.loop.point, (parameter,), (way,))
-        return Place(place, slope, jnp.stack([-slope[1], slope[0]]))
+        first = lambda t: jax.jvp(self.loop.point, (t,), (way,))
+        (place, slope), (_, turn) = jax.jvp(first, (parameter,), (way,))
+        return Place(place, slope, turn, jnp.stack([-slope[1], slope[0]]))
 
 
 class RimCurve(AbstractCurve):
@@ -85,27 +88,14 @@ class RimCurve(AbstractCurve):
         return self.surface.point(parameters[0], parameters[1])
 
 
-@jet.register
-def _(shape: RimCurve, parameters: tuple[Float[Array, ""], ...], order: int) -> dict:
-    """By the derivatives of the surface where it has quick ones."""
-    if not has_quick_derivatives(shape.surface) or order > 2:
-        return jet.dispatch(AbstractCurve)(shape, parameters, order)
-    (share,) = parameters
-    way = lambda s: shape.path.at(s)[:2]
-    ((u, v), (x, y)), (_, bend) = jax.jvp(way, (share,), (jnp.ones_like(share),))
-    by = jet(shape.surface, (u, v), order)
-    found = {(0,): by[0, 0]}
-    if order > 0:
-        found[(1,)] = x * by[1, 0] + y * by[0, 1]
-    if order > 1:
-        twice = x * x * by[2, 0] + 2 * x * y * by[1, 1] + y * y * by[0, 2]
-        found[(2,)] = twice + bend[0] * by[1, 0] + bend[1] * by[0, 1]
-    return found
+def partials_on(surface: AbstractSurface, place: Place) -> Partials2:
+    """All derivatives up to the second at a place of a rim, inside traced code.
 
-
-def has_quick_derivatives(surface: AbstractSurface) -> bool:
-    """Whether all derivatives come together from a rule of the class, several times faster to compile than forward mode."""
-    return jet.dispatch(type(surface)) is not jet.dispatch(AbstractSurface)
+    By the rule of the class for all of them together, if it has one: that compiles several times faster.
+    """
+    has_rule = jet.dispatch(type(surface)) is not jet.dispatch(AbstractSurface)
+    differentiate = quick_partials_at if has_rule else second_partials_at
+    return differentiate(surface, place.parameters[0], place.parameters[1])
 
 
 def side_path(surface: AbstractSurface, side: str) -> StraightPath:
@@ -182,7 +172,9 @@ def sampled(surface: AbstractSurface, paths: dict[str, AbstractPath]) -> list[Ri
     for name, path in paths.items():
         points = concrete(rim_points(surface, path, shares)).astype(float)
         found.append(Rim(name, path, points, *_length(points)))
-    size = max((rim.length for rim in found), default=0.0)
+    # a rim is a point where its length is rounding noise of the size of the face or of its coordinates
+    corners = np.concatenate([rim.points for rim in found]) if found else np.zeros((1, 3))
+    size = max(float(np.ptp(corners, axis=0).max()), float(np.abs(corners).max()) * 1e-3)
     return [rim._replace(length=0.0) if rim.length <= 1e-9 * size else rim for rim in found]
 
 

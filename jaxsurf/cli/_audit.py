@@ -12,8 +12,8 @@ from .._atomic import check_writable, replacing
 from .._errors import InputError
 
 DESCRIPTION = """Measure gaps of position (G0), tangent plane (G1) and curvature (G2) along every edge that two faces of a
-model share, and say which order of continuity holds. MODEL is a STEP file or a .jxs file of jaxsurf. Faces are numbered from 0
-in the order of the file. Exit status 0; with --require 1 if an edge falls short; 2 after bad input."""
+model share, and say which order of continuity holds. MODEL is a STEP file or a .jxs file of jaxsurf. Faces are numbered from
+0 in the order of the file. Exit status 0; with --require 1 if an edge falls short; 2 after bad input."""
 
 _STEP, _NATIVE = (".step", ".stp"), ".jxs"
 _ORDERS = {"g0": 0, "g1": 1, "g2": 2}
