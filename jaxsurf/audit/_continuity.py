@@ -185,8 +185,7 @@ def measure(
     start, end = _exact_ends(a, first, second, held) if part is None else (float(x) for x in part)
     shares = np.linspace(start, end, count)
     shares = jnp.asarray(np.where(shares > 1, shares - 1, shares), dtype)
-    points = concrete(rim_points(a, first.path, shares)).astype(float)
-    begin = feet_on(second, points).place / (len(second.points) - 1)
+    begin = feet_on(second, first.at(concrete(shares).astype(float))).place / (len(second.points) - 1)
     found = gaps_at_feet(a, first.path, shares, b, second.path, _start(begin, second, b.dtype))
     keep = concrete(found.regular)
     if not keep.any():

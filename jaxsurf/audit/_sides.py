@@ -150,6 +150,11 @@ class Rim(NamedTuple):
     length: float
     sagitta: float
 
+    def at(self, shares: np.ndarray) -> np.ndarray:
+        """Points (k, 3) of the polygon, close to those of the rim."""
+        known = np.linspace(0, 1, len(self.points))
+        return np.stack([np.interp(shares, known, column) for column in self.points.T], axis=1)
+
     @property
     def closed(self) -> bool:
         """Whether the rim ends where it starts."""
