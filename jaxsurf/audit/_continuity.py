@@ -125,10 +125,14 @@ def continuity(
     _check(b, "b")
     if count < 2:
         raise InputError(f"`count` must be at least 2, got {count}.")
+    if tolerance is not None and not tolerance > 0:
+        raise InputError(f"`tolerance` must be a length above 0, got {tolerance:g}.")
+    if part is not None and is_concrete(part) and not all(0 <= float(share) <= 1 for share in part):
+        raise InputError(f"`part` must be two shares of `side_a` between 0 and 1, got {tuple(float(x) for x in part)}.")
     paths_a, paths_b = named_rims(a, side_a, "side_a"), named_rims(b, side_b, "side_b")
     same = a is b
     a, b = untrimmed(a), untrimmed(b)
-    if not is_concrete(a, b):
+    if not is_concrete(a, b, part):
         if len(paths_a) > 1 or len(paths_b) > 1:
             raise InputError("Under `jit` and `grad` the shared sides cannot be searched: give `side_a` and `side_b`.")
         return _traced(a, b, next(iter(paths_a.items())), next(iter(paths_b.items())), count, part)

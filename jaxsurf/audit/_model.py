@@ -102,7 +102,7 @@ def _ends(edge: SharedEdge) -> list[tuple[int, str, Any]]:
     """Face, side and the part of it that both sides of an edge have."""
     held = edge.continuity
     length = float(held.length)
-    part = lambda side, points: Rim(side, None, concrete(points).astype(float), length, 0.0)  # type: ignore[arg-type]
+    part = lambda side, points: Rim(side, None, concrete(points).astype(float), length, 0.0, 0.0)  # type: ignore[arg-type]
     return [
         (edge.first, held.side_a, part(held.side_a, held.points_a)),
         (edge.second, held.side_b, part(held.side_b, held.points_b)),

@@ -142,13 +142,15 @@ def named_rims(surface: AbstractSurface, side: str | None, argument: str) -> dic
 
 
 class Rim(NamedTuple):
-    """A rim with samples at even shares: their points (n, 3), the length of their polygon and how far the rim leaves it."""
+    """A rim with samples at even shares: their points (n, 3), the length of their polygon, how far the rim leaves it, and
+    below what a length is rounding noise."""
 
     name: str
     path: AbstractPath
     points: np.ndarray
     length: float
     sagitta: float
+    noise: float
 
     def at(self, shares: np.ndarray) -> np.ndarray:
         """Points (k, 3) of the polygon, close to those of the rim."""
@@ -158,7 +160,7 @@ class Rim(NamedTuple):
     @property
     def closed(self) -> bool:
         """Whether the rim ends where it starts."""
-        return bool(np.linalg.norm(self.points[-1] - self.points[0]) <= 1e-9 * self.length)
+        return bool(np.linalg.norm(self.points[-1] - self.points[0]) <= self.noise)
 
     @property
     def box(self) -> np.ndarray:
@@ -176,11 +178,11 @@ def sampled(surface: AbstractSurface, paths: dict[str, AbstractPath]) -> list[Ri
     found = []
     for name, path in paths.items():
         points = concrete(rim_points(surface, path, shares)).astype(float)
-        found.append(Rim(name, path, points, *_length(points)))
-    # a rim is a point where its length is rounding noise of the size of the face or of its coordinates
-    corners = np.concatenate([rim.points for rim in found]) if found else np.zeros((1, 3))
-    size = max(float(np.ptp(corners, axis=0).max()), float(np.abs(corners).max()) * 1e-3)
-    return [rim._replace(length=0.0) if rim.length <= 1e-9 * size else rim for rim in found]
+        found.append(Rim(name, path, points, *_length(points), 0.0))
+    corners = np.concatenate([rim.points for rim in found])
+    size = max(float(np.ptp(corners, axis=0).max()), 1e-3 * float(np.abs(corners).max()))
+    noise = max(1e-9, 64 * eps(surface.dtype)) * size
+    return [rim._replace(noise=noise, length=rim.length if rim.length > noise else 0.0) for rim in found]
 
 
 @eqx.filter_jit

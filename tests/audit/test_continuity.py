@@ -234,6 +234,15 @@ def test_gradients():
     assert float(jnp.sum(slopes(apart) * way)) == pytest.approx(float(expected), rel=1e-6)
 
 
+def test_single_precision():
+    """Results have the type of the surfaces, to its rounding."""
+    first, second = (jax.tree.map(lambda x: x.astype(jnp.float32), s) for s in (LEFT, RIGHT))
+    found = js.continuity(first, second)
+    assert found.g0.dtype == found.g2.dtype == found.length.dtype == jnp.float32
+    assert (found.side_a, found.side_b) == ("u1", "u0")
+    assert float(found.max_g0) < 1e-5 and float(found.max_g1) < 1e-4 and float(found.max_g2_relative) < 1e-3
+
+
 class Counted(AbstractSurface):
     """A paraboloid that counts how often it is traced."""
 
@@ -261,6 +270,10 @@ def test_edges_of_one_structure_are_compiled_once():
     assert Counted.calls[0] == before > 0
 
 
+POINT = js.BSplineSurface(np.ones((2, 2, 3)), (0, 0, 1, 1), (0, 0, 1, 1), 1, 1)
+FOLDED = js.BSplineSurface([[[0, 0, 0], [0, 0, 0]], [[1, 0, 0], [1, 0, 0.0]]], (0, 0, 1, 1), (0, 0, 1, 1), 1, 1)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -277,6 +290,16 @@ def test_edges_of_one_structure_are_compiled_once():
         (lambda: js.continuity(FLAT, FLAT, "u2", "u0"), r"`side_a` must be one of u0, u1, v0, v1, got 'u2'"),
         (lambda: js.continuity(FLAT, FLAT, "u0", "w"), r"`side_b` must be one of u0, u1, v0, v1, got 'w'"),
         (lambda: js.continuity(FLAT, js.Line((0, 0, 0), (1, 0, 0))), r"`b` must be a surface, got a Line"),
+        (lambda: js.continuity(FLAT, FLAT, tolerance=0.0), r"`tolerance` must be a length above 0, got 0"),
+        (
+            lambda: js.continuity(FLAT, FLAT, "u1", "u1", part=(0, 1.5)),
+            r"two shares of `side_a` between 0 and 1, got \(0\.0, 1\.5",
+        ),
+        (lambda: js.continuity(POINT, FLAT), r"Every side of `a` is a single point"),
+        (
+            lambda: js.continuity(FOLDED, FOLDED, "v0", "v1"),
+            r"Along v0 of `a` and v1 of `b` the surfaces have no tangent plane",
+        ),
         (lambda: js.continuity(FLAT, FLAT, count=1), r"`count` must be at least 2, got 1"),
         (lambda: jax.jit(lambda x: js.continuity(FLAT, hinged(x)).g1)(0.1), r"give `side_a` and `side_b`"),
     ],
