@@ -96,7 +96,7 @@ def foot(
         aim = jnp.where((convex > 0) & (newton >= high) & (high == last), last, aim)
         aim = jnp.where((convex > 0) & (newton <= low) & (low == first), first, aim)
         settled = (convex > 0) & (jnp.abs(newton - t) <= small)  # there rounding may put it outside of (low, high)
-        aim = jnp.where((rise == 0) | settled, jnp.clip(jnp.where(rise == 0, t, newton), first, last), aim)
+        aim = jnp.where((rise == 0) | settled, jnp.clip(newton, first, last), aim)
         close = jnp.abs(aim - t) <= small
         done = state.close | (aim == t) | (state.turns + 1 >= _TURNS)
         return _State(state.turns + 1, aim, low, high, close, done, share, second)
