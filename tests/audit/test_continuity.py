@@ -114,6 +114,21 @@ def test_cylinders_that_touch_along_a_ruling(radius, part, jump, angle):
     assert found.order() == (0 if angle else 1 if jump else 2)
 
 
+def trough(curvature, start, end):
+    """The cylinder z = ½ curvature x² over an interval of x."""
+    rows = [(x, curvature * z / 2) for x, z in ((start, start**2), ((start + end) / 2, start * end), (end, end**2))]
+    net = [[(x, y, z) for y in (0.0, 1.0, 2.0)] for x, z in rows]
+    knots = lambda a, b: [a] * 3 + [b] * 3
+    return js.BSplineSurface(net, knots(start, end), knots(0.0, 2.0), 2, 2)
+
+
+@pytest.mark.parametrize("jump", [0.0, 1e-10, 1e-3])
+def test_small_jumps_of_curvature_are_resolved(jump):
+    found = js.continuity(trough(0.7, -1.0, 0.0), trough(0.7 * (1 + jump), 0.0, 1.5))
+    np.testing.assert_allclose(found.g2_relative, jump / (1 + jump), rtol=1e-4, atol=1e-14)
+    assert float(found.max_g1) < 1e-15
+
+
 BALL = js.rotate(js.split(js.Sphere((0, 0, 2), 1.5), 0.0, "v")[1], (0, 0, 1), 0.7)
 TUBE = js.Cylinder((0, 0, 0), (0, 0, 1), 1.5, 2.0)
 
