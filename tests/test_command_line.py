@@ -26,7 +26,7 @@ from jaxsurf.cli._progress_bar import watching
 FORMATS = runpy.run_path(str(Path(__file__).parent / "io" / "cloud_files.py"))["FORMATS"]
 NOISE = 0.005
 OPTIONS = ("output", "spans", "tolerance", "quantile", "max-spans", "degree", "smooth", "loss", "holdout", "trim")
-OPTIONS += ("unit", "report", "picture", "save", "quiet", "family", "tangents")
+OPTIONS += ("unit", "report", "picture", "save", "quiet", "family", "tangents", "rotation")
 CACHE = (
     "jax_enable_x64",
     "jax_compilation_cache_dir",
@@ -186,6 +186,51 @@ def test_a_qi_surface_is_written_to_cad_and_reported_with_its_peer(fitted_qi):
     assert "3 × 3, and 3 of the initial curve" in report and "B-spline with 36 numbers" in report
 
 
+# --- sweeps
+
+
+@pytest.fixture(scope="module")
+def fitted_sweep(cloud, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fitted_sweep")
+    names = {"--save": "s.jxs", "--report": "r.html", "-o": "s.step"}
+    files = [part for option, name in names.items() for part in (option, folder / name)]
+    return folder, run("fit", cloud, "--family", "sweep", "--rotation", "fixed", "--holdout", 0, *files)
+
+
+def test_the_file_of_a_sweep_meets_the_points_as_near_as_is_printed(fitted_sweep):
+    """The file is as near to the sweep as 0.001 of its rms deviation."""
+    folder, done = fitted_sweep
+    assert done.status == 0
+    (spline,) = js.io.read_step(folder / "s.step")
+    distance = np.asarray(js.closest_point(spline, sheet()).distance)
+    rms = np.sqrt(np.mean(distance**2))
+    assert abs(rms - printed(done, "rms deviation  ")) < 2e-3 * rms  # four digits are printed
+
+
+def test_the_kinds_of_sweeps_that_were_tried_are_printed_and_reported_the_best_first(fitted_sweep):
+    folder, done = fitted_sweep
+    pattern = r"tried fixed, 1 × 1 along the (longer|shorter) side: rms ([\d.]+) mm, 27 numbers"
+    tried = [match for match in map(re.compile(pattern).fullmatch, done.out.splitlines()) if match]
+    assert sorted(match[1] for match in tried) == ["longer", "shorter"]
+    assert printed(done, "rms deviation  ") == float(tried[0][2]) <= float(tried[1][2])
+    lines = [" ".join(line.split()) for line in done.out.splitlines()]
+    for line in ("rotation of the sections Fixed", "control points of the guides 5", "numbers that shape it 27"):
+        assert line in lines
+    report = (folder / "r.html").read_text()
+    assert "Kinds of sweeps that were tried" in report and "the shorter side" in report
+    assert sorted(path.name for path in folder.iterdir()) == ["r.html", "s.jxs", "s.step"]
+
+
+def test_the_surface_that_is_saved_is_the_sweep_of_the_file(fitted_sweep):
+    folder, done = fitted_sweep
+    (spline,) = js.io.read_step(folder / "s.step")
+    surface = js.load(folder / "s.jxs")
+    assert isinstance(surface, js.Sweep) and len(surface.guides.curves) == len(surface.characters) == 1
+    shares = np.linspace(0, 1, 5)
+    off = np.linalg.norm(np.asarray(surface.grid(shares, shares)) - np.asarray(spline.grid(shares, shares)), axis=-1)
+    assert 0 < off.max() < 1e-3 * printed(done, "rms deviation  ")
+
+
 # --- help
 
 
@@ -194,7 +239,7 @@ def test_help_lists_every_option():
     assert done.status == 0 and done.err == ""
     for option in OPTIONS:
         assert f"--{option}" in done.out
-    for command in ("fit", "gallery", "bench"):
+    for command in ("fit", "sweep", "gallery", "bench"):
         assert f"    {command} " in run("--help").out
 
 
@@ -302,6 +347,12 @@ ARGUMENTS = {
         ("-o", "{}/s.step", "--family", "qi", "--tangents", "2x3"),
         r"`tangents` must be two whole numbers > `degree` = 2 such as .* got \(2, 3\)",
     ),
+    "rotation": (
+        ("-o", "{}/s.step", "--family", "sweep", "--rotation", "fixed", "--rotation", "spiral"),
+        "`--rotation` must be one of fixed, chord, .* got 'spiral'",
+    ),
+    "rotation of a B-spline": (("-o", "{}/s.step", "--rotation", "fixed"), "`--rotation` belongs to `--family sweep`"),
+    "degree of a sweep": (("-o", "{}/s.step", "--family", "sweep", "--degree", "2"), "`--degree` of `--family sweep` is 3"),
     "family": (("-o", "{}/s.step", "--family", "nurbs"), "--family: invalid choice: 'nurbs'"),
     "unknown option": (("-o", "{}/s.step", "--smoth", "1"), "unrecognized arguments: --smoth 1"),
 }

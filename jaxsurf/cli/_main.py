@@ -199,9 +199,13 @@ def _found_qi(options: argparse.Namespace, points: Any, progress: Any) -> Any:
 
 
 def _found_sweep(options: argparse.Namespace, points: Any, progress: Any) -> Any:
+    from ..build._rotations import NAMES
     from ..fit import fit_sweep
 
     _refuse(options, "sweep")
+    for name in options.rotation or ():
+        if name not in NAMES:
+            raise InputError(f"`--rotation` must be one of {', '.join(NAMES)}, got {name!r}.")
     if options.degree not in (None, 3):
         raise InputError(f"`--degree` of `--family sweep` is 3, got {options.degree}; leave it out.")
     return fit_sweep(

@@ -13,7 +13,7 @@ from .._array import Numbers, as_float
 from .._errors import InputError
 from .._progress import Event, Progress, silent
 from ..basis import clamped_knots, collocation_matrix
-from ..build import Sweep, sweep
+from ..build import RotationMinimising, Sweep, sweep
 from ..build._rotations import NAMES, ONE_GUIDE
 from ..curve import BSplineCurve
 from ..edit import transpose
@@ -29,6 +29,7 @@ _SLIDING = 0.1
 _RELEASE = 1e4  # guides and characters must find their own lines on the sheet
 _RTOL = 1e-3
 _SAMPLES = 60
+_STEPS = 64  # of rotation-minimising frames, however much the guide bends: one compiled fit
 
 
 class SweepKind(NamedTuple):
@@ -111,7 +112,9 @@ def fit_sweep(
         start = _start(sheet.shape, kind, guide_points, character_points)
         if start is None:
             continue
-        done = fit(start, points, phase=f"fit {kind.characters} × {kind.guides} {kind.rotation}", **options)
+        feet = sheet.foot.parameters[:, ::-1] if kind.lengthwise else sheet.foot.parameters
+        phase = f"fit {kind.characters} × {kind.guides} {kind.rotation}"
+        done = fit(start, points, start=feet, phase=phase, **options)
         tried.append((_judged(kind, done, points.shape[0]), done))
         if done.stopped:
             break
@@ -145,7 +148,7 @@ def _chosen(kinds: Sequence[SweepKind | str] | None) -> tuple[SweepKind, ...]:
         return KINDS
     found: list[SweepKind] = []
     for kind in [kinds] if isinstance(kinds, str) else kinds:
-        if isinstance(kind, SweepKind):
+        if isinstance(kind, SweepKind) and kind.rotation in NAMES:
             found.append(kind)
         elif kind in NAMES:
             same = [k for k in KINDS if k.rotation == kind]
@@ -159,15 +162,16 @@ def _chosen(kinds: Sequence[SweepKind | str] | None) -> tuple[SweepKind, ...]:
 
 
 def _start(sheet: Any, kind: SweepKind, guide_points: int, character_points: int) -> Sweep | None:
-    """The sweep through the borders of the sheet; None where the kind is not defined on them."""
+    """The sweep through the borders of the sheet, with its parameters; None where the kind is not defined on them."""
     surface: AbstractSurface = transpose(sheet) if kind.lengthwise else sheet
     (a, b), (c, d) = ((float(x), float(y)) for x, y in surface.domain)
     u, v = np.linspace(a, b, _SAMPLES), np.linspace(c, d, _SAMPLES)
     net = np.asarray(surface.grid(u, v))
     guides = [_through(net[side], guide_points) for side in (0, -1)[: kind.guides]]
     characters = [_through(net[:, side], character_points) for side in (0, -1)[: kind.characters]]
+    rotation = RotationMinimising(steps=_STEPS) if kind.rotation == "minimal" else kind.rotation
     try:
-        return sweep(characters, guides, rotation=kind.rotation, move=True)
+        return sweep(characters, guides, rotation=rotation, move=True)
     except InputError:
         return None
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from build.network_cases import character, guide, height, largest_gap_of_edges, largest_gap_on, sheet
+from build.network_cases import character, guide, height, largest_gap_of_edges, largest_gap_on, sheet, side_of
 
 import jaxsurf as js
 from jaxsurf.build import NetworkEdge, _network
@@ -90,3 +90,18 @@ def test_order_and_direction_of_curves_do_not_matter(small):
     for patch in mixed.patches:  # the same four sheets
         middle = np.asarray(patch(0.5, 0.5))
         assert min(np.linalg.norm(middle - np.asarray(other(0.5, 0.5))) for other in small.patches) < 0.01
+
+
+def test_patches_convert_to_splines_that_still_meet(small):
+    """Within the tolerance, and no further from each other than both are off."""
+    tolerance = 1e-4
+    grid = np.asarray(small.grid(SHARES, SHARES))
+    splines = []
+    for patch, points in zip(small.patches[:2], grid, strict=False):
+        found = js.to_bspline(patch, tolerance)
+        splines.append(np.asarray(found.shape.grid(SHARES, SHARES)))
+        off = np.linalg.norm(splines[-1] - points, axis=-1).max()
+        assert 0 < off <= 1.05 * float(found.max_error) and float(found.max_error) <= tolerance
+    (edge,) = [edge for edge in small.inner_edges() if {edge.first[0], edge.second[0]} == {0, 1}]
+    one, other = (side_of(splines[patch], side) for patch, side in (edge.first, edge.second))
+    assert np.abs(one - (other[::-1] if edge.reversed else other)).max() <= 2 * tolerance
