@@ -39,11 +39,11 @@ def test_gradients_by_guides_and_characters(pair):
         return _functional(eqx.tree_at(of, network, list(points)))
 
     pulled = jax.jit(jax.grad(value))(points)
-    pushed = jax.jit(lambda p, a: jax.jvp(value, (p,), (a,))[1])
-    at = jax.jit(value)
+    pushed = jax.jit(lambda p, a: jax.jvp(value, (p,), (a,)))
+    at = lambda p: pushed(p, alongs)[0]
     for k in range(4):
         along = [a if i == k else np.zeros_like(a) for i, a in enumerate(alongs)]
-        forward = float(pushed(points, along))
+        forward = float(pushed(points, along)[1])
         reverse = sum(float(np.sum(np.asarray(g) * a)) for g, a in zip(pulled, along, strict=True))
         moved = lambda h, along=along: float(at([p + h * a for p, a in zip(points, along, strict=True)]))
         difference = (8 * (moved(1e-4) - moved(-1e-4)) - (moved(2e-4) - moved(-2e-4))) / 1.2e-3
