@@ -148,14 +148,13 @@ def _chosen(kinds: Sequence[SweepKind | str] | None) -> tuple[SweepKind, ...]:
         return KINDS
     found: list[SweepKind] = []
     for kind in [kinds] if isinstance(kinds, str) else kinds:
-        if isinstance(kind, SweepKind) and kind.rotation in NAMES:
-            found.append(kind)
-        elif kind in NAMES:
-            same = [k for k in KINDS if k.rotation == kind]
-            guides = 1 if kind in ONE_GUIDE else 2
-            found += same or [SweepKind(kind, 1, guides, lengthwise) for lengthwise in (True, False)]
-        else:
+        name = kind.rotation if isinstance(kind, SweepKind) else kind
+        if name not in NAMES:
             raise InputError(f"`kinds` must hold `SweepKind`s or names among {', '.join(map(repr, NAMES))}, got {kind!r}.")
+        same = [k for k in KINDS if k.rotation == name]
+        guides = 1 if name in ONE_GUIDE else 2
+        all_of_name = same or [SweepKind(name, 1, guides, lengthwise) for lengthwise in (True, False)]
+        found += [kind] if isinstance(kind, SweepKind) else all_of_name
     if not found:
         raise InputError("`kinds` must name at least one family of sweeps, got none.")
     return tuple(found)

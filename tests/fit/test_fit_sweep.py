@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 from fit_cases import points_on
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 import jaxsurf as js
 from jaxsurf.fit import SweepKind, sweep_numbers
@@ -38,7 +38,7 @@ def rms_distance(surface, points):
     """To the tangent planes of a fine grid, 0.03 apart, which is right to 1e-4."""
     net = np.asarray(surface.grid(np.linspace(0, 1, 201), np.linspace(0, 1, 401)))
     normals = np.cross(np.gradient(net, axis=0), np.gradient(net, axis=1)).reshape(-1, 3)
-    nearest = cKDTree(net.reshape(-1, 3)).query(points)[1]
+    nearest = KDTree(net.reshape(-1, 3)).query(points)[1]
     along = np.sum((points - net.reshape(-1, 3)[nearest]) * normals[nearest], axis=1)
     return np.sqrt(np.mean((along / np.linalg.norm(normals[nearest], axis=1)) ** 2))
 
