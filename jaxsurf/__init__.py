@@ -41,6 +41,8 @@ from .build import (
     smoothstep as smoothstep,
     split_at_creases as split_at_creases,
     sweep as sweep,
+    tangency_report as tangency_report,
+    tangent_to as tangent_to,
 )
 from .convert import (
     Conversion as Conversion,

@@ -20,3 +20,11 @@ from ._revolve import Revolution as Revolution, revolve as revolve
 from ._rotation import AbstractRotation as AbstractRotation, UpRotation as UpRotation
 from ._rotation_minimising import RotationMinimising as RotationMinimising
 from ._sweep import Sweep as Sweep
+from ._tangent_surface import TangentSurface as TangentSurface
+from ._tangent_to import (
+    CornerReport as CornerReport,
+    SideReport as SideReport,
+    TangencyReport as TangencyReport,
+    tangency_report as tangency_report,
+    tangent_to as tangent_to,
+)

@@ -1,10 +1,11 @@
 """Normals of the planes that a surface is to touch along a side."""
 
 import abc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -18,6 +19,7 @@ from ..curve import AbstractCurve, BSplineCurve
 from ..differential import normal_at
 from ..surface import AbstractSurface
 from ._guides import carried
+from ._square import Square, places_on
 
 SIDES = ("u0", "u1", "v0", "v1")
 """Sides u = first, u = last, v = first, v = last."""
@@ -44,15 +46,30 @@ class CurveField(AbstractEdgeField):
 
 @register
 class EdgeField(AbstractEdgeField):
-    """The normals of another surface along its own side; turned: that side runs the other way."""
+    """The normals of another surface along a line of its unit square, most often one of its sides: from (s, t) to (s, t).
+
+    thin: whether the derivatives there may be parallel, as on a side that is a point; the normal is then the limit.
+    """
 
     surface: AbstractSurface
-    side: str = eqx.field(static=True)
-    turned: bool = eqx.field(static=True, default=False)
+    line: Float[Array, "2 2"]
+    thin: bool = eqx.field(static=True, default=False)
+
+    @classmethod
+    def of_side(cls, surface: AbstractSurface, side: str, turned: bool = False, thin: bool = False) -> "EdgeField":
+        """A whole side; turned: it runs the other way."""
+        axis, end = divmod(SIDES.index(side), 2)
+        places = jax.vmap(lambda share: places_on(axis, share)[end])(jnp.arange(2, dtype=surface.dtype))
+        return cls(surface, places[::-1] if turned else places, thin)
 
     def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
-        along = 1 - share if self.turned else share
-        return normal_at(self.surface, *parameters_on(self.surface, self.side, along))
+        place = (1 - share) * self.line[0] + share * self.line[1]
+        if self.thin:
+            return normal_at(
+                self.surface, *(carried(x, (0.0, 1.0), d) for x, d in zip(place, self.surface.domain, strict=True))
+            )
+        _, slopes = Square(self.surface).slopes(place)
+        return unit(jnp.cross(slopes[0], slopes[1]))
 
 
 @register
@@ -67,13 +84,26 @@ class GivenField(AbstractEdgeField):
         return jnp.asarray(self.function((1 - share) * a + share * b), share.dtype)
 
 
-def parameters_on(surface: AbstractSurface, side: str, share: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """u and v at a share of a side."""
-    along_u, along_v = surface.domain
-    fixed = (along_u if side[0] == "u" else along_v)[int(side[1])]
-    running = carried(share, (0.0, 1.0), along_v if side[0] == "u" else along_u)
-    fixed = jnp.asarray(fixed, share.dtype)
-    return (fixed, running) if side[0] == "u" else (running, fixed)
+def together(fields: Sequence[AbstractEdgeField], evaluate: Callable[[AbstractEdgeField], Any]) -> list[Any]:
+    """`evaluate` of every field; fields of one structure share one pass, which compiles once."""
+    found: list[Any] = [None] * len(fields)
+    kinds: dict[Any, list[int]] = {}
+    for k, field in enumerate(fields):
+        leaves, structure = jax.tree.flatten(eqx.filter(field, eqx.is_array))
+        rest = jax.tree.leaves(eqx.filter(field, eqx.is_array, inverse=True))
+        kinds.setdefault((structure, tuple((x.shape, x.dtype) for x in leaves), tuple(map(id, rest))), []).append(k)
+    for members in kinds.values():
+        if len(members) == 1 or not jax.tree.leaves(eqx.filter(fields[members[0]], eqx.is_array)):
+            for k in members:
+                found[k] = evaluate(fields[k])
+            continue
+        arrays = [eqx.filter(fields[k], eqx.is_array) for k in members]
+        rest = eqx.filter(fields[members[0]], eqx.is_array, inverse=True)
+        stacked = jax.tree.map(lambda *x: jnp.stack(x), *arrays)
+        values = jax.vmap(lambda field, rest=rest: evaluate(eqx.combine(field, rest)))(stacked)
+        for row, k in enumerate(members):
+            found[k] = jax.tree.map(lambda x, row=row: x[row], values)
+    return found
 
 
 def as_edge_field(given: Any, surface: AbstractSurface, side: str) -> AbstractEdgeField | None:
@@ -86,7 +116,7 @@ def as_edge_field(given: Any, surface: AbstractSurface, side: str) -> AbstractEd
                 f"`{side}` given by another surface must be (surface, side) or (surface, side, turned) with a side among "
                 f"{', '.join(SIDES)}, got {given[1:]!r}."
             )
-        return EdgeField(given[0], given[1], bool(given[2]) if len(given) == 3 else False)
+        return EdgeField.of_side(given[0], given[1], bool(given[2]) if len(given) == 3 else False)
     if isinstance(given, AbstractCurve):
         return CurveField(given)
     if callable(given):
@@ -112,8 +142,3 @@ def _through(normals: Float[Array, "n 3"]) -> AbstractCurve:
             else interpolate(normals, 2, parameters="uniform")
         )
     return interpolate(normals, 3, parameters="uniform")
-
-
-def unit_normal(field: AbstractEdgeField, share: Float[Array, ""]) -> Float[Array, "3"]:
-    """The unit normal of a field."""
-    return unit(field.normal(share))

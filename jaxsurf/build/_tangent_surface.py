@@ -5,24 +5,33 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._registry import register
 from .._safe import divide, norm, unit
 from ..surface import AbstractSurface
 from ..surface._breaks import breaks
-from ._edge_fields import AbstractEdgeField, unit_normal
+from ._edge_fields import AbstractEdgeField, together
 from ._guides import carried, value_and_slope
-from ._square import Square, hermite_weight
+from ._square import CORNERS, Square, hermite_weight
 
 OPERATORS = ("scaling", "hermite", "gregory", "blend")
 
 
 class Corner(eqx.Module):
-    """ρ n and ρ̃ n of operator H, and the unit normal n, at a corner where two sides with fields meet."""
+    """Where two sides with fields meet: first and second derivatives, M_i and M_j, and their derivatives along the sides."""
 
-    by_u: Float[Array, "3"]
-    by_v: Float[Array, "3"]
+    first: Float[Array, "2 3"]
+    second: Float[Array, "2 2 3"]
+    normals: Float[Array, "2 3"]
+    changes: Float[Array, "2 3"]
+
+    @property
+    def rho(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """ρ = ⟨S_uv, n⟩ + ⟨S_u, M_i'⟩ and ρ̃ = ⟨S_uv, n⟩ + ⟨S_v, M_j'⟩; they are equal where (5.7) to (5.10) hold."""
+        twist = self.second[0, 1] @ self.normals[0]
+        return twist + self.first[0] @ self.changes[0], twist + self.first[1] @ self.changes[1]
 
 
 class LineMap(eqx.Module):
@@ -70,9 +79,8 @@ class TangentSurface(AbstractSurface):
     def prepared(self) -> Any:
         ready = self.surface.prepared()
         if self.operator in ("hermite", "gregory"):
-            corners = tuple(tuple(self._corner(ready, i, j) for j in (0, 1)) for i in (0, 1))
-            return HermiteSurface(self, ready, corners)
-        return ScaledSurface(self, ready, self._edge_maps(ready))
+            return HermiteSurface(self, ready, self._twists(Square(ready)))
+        return ScaledSurface(self, ready, self._edge_maps(Square(ready)))
 
     def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
         return self.prepared().point(u, v)
@@ -80,52 +88,118 @@ class TangentSurface(AbstractSurface):
     def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
         return self.prepared().grid_points(u, v)
 
-    def normal(self, side: int, share: Float[Array, ""]) -> Float[Array, "3"]:
-        """The unit normal given on a side, of "u0" "u1" "v0" "v1", inside traced code."""
-        field = self.fields[side]
-        assert field is not None
-        return unit_normal(field, share)
+    def normals(self, axis: int, share: Float[Array, ""], along: Float[Array, "2 3"]) -> dict[int, Float[Array, "3"]]:
+        """The unit normals given on sides across an axis, by end; their planes hold the derivatives along the sides."""
+        given = {end: field for end, field in enumerate(self.fields[2 * axis : 2 * axis + 2]) if field is not None}
+        values = together(list(given.values()), lambda field: field.normal(share))
+        return {end: _upright(value, along[end]) for end, value in zip(given, values, strict=True)}
 
-    def _corner(self, ready: Any, i: int, j: int) -> Corner | None:
-        if self.fields[i] is None or self.fields[2 + j] is None:
-            return None
-        first, second, mixed = Square(ready).corner(i, j, self.dtype)
-        s, t = (jnp.asarray(float(k), self.dtype) for k in (i, j))
-        n, by_v = value_and_slope(lambda y: self.normal(i, y), t)
-        by_u = value_and_slope(lambda x: _alike(self.normal(2 + j, x), n), s)[1]
-        twist = mixed @ n
-        return Corner((twist + first @ by_v) * n, (twist + second @ by_u) * n)
+    def corners(self, square: Square) -> dict[tuple[int, int], Corner]:
+        """The corners between sides with fields, inside traced code."""
+        pairs = [(i, j) for i, j in CORNERS if self.fields[i] is not None and self.fields[2 + j] is not None]
+        if not pairs:
+            return {}
+        first, second = square.corners()
+        ends = jnp.arange(2, dtype=self.dtype)
+        known = {}
+        given = {side: field for side, field in enumerate(self.fields) if field is not None}
+        both = lambda field: jax.vmap(lambda t: value_and_slope(field.normal, t))(ends)
+        for side, values in zip(given, together(list(given.values()), both), strict=True):
+            at = np.array([CORNERS.index((side, end) if side < 2 else (end, side - 2)) for end in (0, 1)])
+            along = 1 if side < 2 else 0
+            turn = lambda m, x: jax.jvp(_upright, (m[0], x[0]), (m[1], x[1]))
+            known[side] = jax.vmap(turn)(values, (first[at, along], second[at, along, along]))
+        found = {}
+        for i, j in pairs:
+            at = CORNERS.index((i, j))
+            (n, by_v), (other, by_u) = [tuple(x[end] for x in known[side]) for side, end in ((i, j), (2 + j, i))]
+            sign = jnp.where(jax.lax.stop_gradient(n @ other) < 0, -1.0, 1.0)
+            found[i, j] = Corner(first[at], second[at], jnp.stack([n, sign * other]), jnp.stack([by_v, sign * by_u]))
+        return found
 
-    def _edge_maps(self, ready: Any) -> Any:
+    def _twists(self, square: Square) -> Float[Array, "2 2 2 3"]:
+        """ρ n and ρ̃ n at every corner, 0 where no two fields meet."""
+        found = self.corners(square)
+        none = jnp.zeros((2, 3), self.dtype)
+        of = lambda at: jnp.stack(found[at].rho)[:, None] * found[at].normals[:1] if at in found else none
+        return jnp.stack([of(at) for at in CORNERS]).reshape(2, 2, 2, 3)
+
+    def _edge_maps(self, square: Square) -> Any:
         """Of the maps along u at both ends of v: the maps, and their changes by v; None where only one direction is bent."""
         if not (any(f is not None for f in self.fields[:2]) and any(f is not None for f in self.fields[2:])):
             return None
-        square = Square(ready)
-        ends = (jnp.zeros((), self.dtype), jnp.ones((), self.dtype))
-        return tuple(value_and_slope(lambda t: self.line_map(square, 0, t), end) for end in ends)
+        ends = jnp.arange(2, dtype=self.dtype)
+        return jax.vmap(lambda end: value_and_slope(lambda t: self.line(square, 0, t).map(self.operator), end))(ends)
 
-    def line_map(self, square: Square, axis: int, share: Float[Array, ""], edges: Any = None) -> LineMap:
-        """The map of the line across axis 0 at a share of v, or across axis 1 at a share of u.
+    def line(self, square: Square, axis: int, share: Float[Array, ""], maps: Any = None) -> "Line":
+        """What F and H need of the line across axis 0 at a share of v, or across axis 1 at a share of u.
 
-        edges: what is known of the two ends instead of the square's own: (point, along, across) each.
+        maps: those that have bent the surface before, at both ends, and their changes across.
         """
-        ends = edges or [square.on_side(axis, end, share) for end in (0, 1)]
-        points, along, across = (jnp.stack(x) for x in zip(*ends, strict=True))
-        e = unit(points[1] - points[0])
-        crossed = jax.vmap(jnp.cross)(across, along) if axis == 0 else jax.vmap(jnp.cross)(along, across)
-        own = unit(crossed)
-        given = [self.fields[2 * axis + end] is not None for end in (0, 1)]
-        normals = [_alike(self.normal(2 * axis + k, share), own[k]) if given[k] else own[k] for k in (0, 1)]
-        pulls = [(across[k] @ normals[k]) * normals[k] if given[k] else jnp.zeros(3, self.dtype) for k in (0, 1)]
-        below = [
-            jnp.cross(across[0], e) @ jnp.cross(own[1], normals[0]),
-            jnp.cross(across[1], e) @ jnp.cross(normals[0], normals[1]),
-        ]
-        mu = jnp.stack([divide(across[k] @ normals[k], below[k]) if given[k] else jnp.zeros((), self.dtype) for k in (0, 1)])
-        one = LineMap(points[1], e, own[1], normals[0], mu, jnp.stack(pulls), jnp.ones((), self.dtype))
-        if self.operator == "scaling":
-            return one
-        return eqx.tree_at(lambda m: m.share, one, _share_of_scaling(one, points, across, jnp.stack(below), given))
+        points, slopes = square.ends(axis, share)
+        across, along = slopes[:, axis], slopes[:, 1 - axis]
+        if maps is not None:
+            move = lambda m, x: jax.jvp(lambda ready, y: ready(y, share), (m[0], x[0]), (m[1], x[1]))[1]
+            across = jax.vmap(move)(maps, (points, across))
+        own = unit(jnp.cross(across, along) if axis == 0 else jnp.cross(along, across))
+        given = self.normals(axis, share, along)
+        normals = jnp.stack([alike(given[k], own[k]) if k in given else own[k] for k in (0, 1)])
+        return Line(points, across, own, normals, unit(points[1] - points[0]), (0 in given, 1 in given))
+
+
+class Line(eqx.Module):
+    """A line across a surface: ends, derivatives across there, unit normals of the surface and those that are to be there,
+    the unit direction of its chord, and at which ends a normal is given."""
+
+    points: Float[Array, "2 3"]
+    across: Float[Array, "2 3"]
+    own: Float[Array, "2 3"]
+    normals: Float[Array, "2 3"]
+    e: Float[Array, "3"]
+    given: tuple[bool, bool] = eqx.field(static=True)
+
+    @property
+    def pulls(self) -> Float[Array, "2 3"]:
+        """⟨S', M⟩ M at either end, 0 where no normal is given."""
+        pull = lambda k: (self.across[k] @ self.normals[k]) * self.normals[k] * float(self.given[k])
+        return jnp.stack([pull(0), pull(1)])
+
+    @property
+    def below(self) -> Float[Array, "2"]:
+        """The denominators of μ₁ and μ₂, the left sides of (4.14)."""
+        first = jnp.cross(self.across[0], self.e) @ jnp.cross(self.own[1], self.normals[0])
+        return jnp.stack([first, jnp.cross(self.across[1], self.e) @ jnp.cross(self.normals[0], self.normals[1])])
+
+    def scaling(self) -> LineMap:
+        """Operator F."""
+        pulled = jnp.sum(self.across * self.normals, axis=1) * jnp.asarray(self.given, self.e.dtype)
+        mu = divide(pulled, self.below)
+        return LineMap(self.points[1], self.e, self.own[1], self.normals[0], mu, self.pulls, jnp.ones((), mu.dtype))
+
+    def map(self, operator: str) -> LineMap:
+        """Operator "scaling" (F), or its "blend" with H."""
+        found = self.scaling()
+        return found if operator == "scaling" else eqx.tree_at(lambda m: m.share, found, self.share_of_scaling(found))
+
+    def like_this(self, x: float) -> Float[Array, "3"]:
+        """The point at x of the cubic with the line's ends and end slopes."""
+        rise = x * x * (3 - 2 * x)
+        bent = hermite_weight(0, x) * self.across[0] + hermite_weight(1, x) * self.across[1]
+        return (1 - rise) * self.points[0] + rise * self.points[1] + bent
+
+    def share_of_scaling(self, scaling: LineMap) -> Float[Array, ""]:
+        """1 where F behaves, 0 near rows where its denominator vanishes: both keep the planes, and so does any mixture.
+
+        1/γ = (4/27) |denominator| / max |[N; X_h]| over the cubic X_h like the line; the share is smoothstep(6 (1/γ − 1/3)).
+        """
+        total = jnp.ones((), self.e.dtype)
+        rows = [self.like_this(x) - self.points[1] for x in (0.2, 0.4, 0.6, 0.8)]
+        for given, below, normal in zip(self.given, self.below, (scaling.own, scaling.first), strict=True):
+            if given:
+                largest = jnp.max(jnp.stack([norm(_bracket(normal, x, self.e)) for x in rows]))
+                x = jnp.clip(6 * (4 / 27 * divide(jnp.abs(below), largest) - 1 / 3), 0, 1)
+                total = total * x * x * (3 - 2 * x)
+        return total
 
 
 class HermiteSurface(AbstractSurface):
@@ -133,7 +207,7 @@ class HermiteSurface(AbstractSurface):
 
     whole: TangentSurface
     surface: Any
-    corners: tuple[tuple[Corner | None, ...], ...]
+    twists: Float[Array, "2 2 2 3"]
 
     @property
     def domain(self) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
@@ -146,42 +220,47 @@ class HermiteSurface(AbstractSurface):
         s, t = self._shares(u, v)
         total = self.surface.point(u, v)
         for axis, (along, across) in enumerate(((t, s), (s, t))):
-            for end, pull in self._pulls(axis, along):
+            for end, pull in self._pulls(axis, along).items():
                 total = total - hermite_weight(end, across) * pull
-        return total + self._corner_part(s, t)
+        weights = _weights(s)[:, None] * _weights(t)
+        for share, twists in zip(self._gregory(s, t), (0, 1), strict=True):
+            total = total + share * jnp.sum(weights[..., None] * self.twists[:, :, twists], axis=(0, 1))
+        return total
 
     def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
         s, t = self._shares(u, v)
         total = self.surface.grid_points(u, v)
-        for end, pull in jax.vmap(lambda y: dict(self._pulls(0, y)))(t).items():
+        for end, pull in jax.vmap(lambda y: self._pulls(0, y))(t).items():
             total = total - hermite_weight(end, s)[:, None, None] * pull[None]
-        for end, pull in jax.vmap(lambda x: dict(self._pulls(1, x)))(s).items():
+        for end, pull in jax.vmap(lambda x: self._pulls(1, x))(s).items():
             total = total - hermite_weight(end, t)[None, :, None] * pull[:, None]
-        return total + jax.vmap(lambda x: jax.vmap(lambda y: self._corner_part(x, y))(t))(s)
+        shares = self._gregory(s[:, None], t[None, :])
+        weights = (jax.vmap(_weights)(s), jax.vmap(_weights)(t))
+        for share, twists in zip(shares, (0, 1), strict=True):
+            bent = jnp.einsum("ma,abx,kb->mkx", weights[0], self.twists[:, :, twists], weights[1], precision="highest")
+            total = total + jnp.broadcast_to(share, total.shape[:2])[..., None] * bent
+        return total
 
     def _shares(self, u: Any, v: Any) -> tuple[Any, Any]:
         along_u, along_v = self.domain
         return carried(u, along_u, (0.0, 1.0)), carried(v, along_v, (0.0, 1.0))
 
-    def _pulls(self, axis: int, share: Float[Array, ""]) -> list[tuple[int, Float[Array, "3"]]]:
+    def _pulls(self, axis: int, share: Float[Array, ""]) -> dict[int, Float[Array, "3"]]:
         """⟨S_x, M⟩ M on the sides across an axis that have fields."""
-        found = []
-        for end in (0, 1):
-            if self.whole.fields[2 * axis + end] is not None:
-                normal = self.whole.normal(2 * axis + end, share)
-                across = Square(self.surface).on_side(axis, end, share)[2]
-                found.append((end, (across @ normal) * normal))
-        return found
+        if all(field is None for field in self.whole.fields[2 * axis : 2 * axis + 2]):
+            return {}
+        _, slopes = Square(self.surface).ends(axis, share)
+        normals = self.whole.normals(axis, share, slopes[:, 1 - axis])
+        return {end: (slopes[end, axis] @ normal) * normal for end, normal in normals.items()}
 
-    def _corner_part(self, s: Float[Array, ""], t: Float[Array, ""]) -> Float[Array, "3"]:
-        total = jnp.zeros(3, self.dtype)
-        share = _gregory_share(s, t) if self.whole.operator == "gregory" else None
-        for i, row in enumerate(self.corners):
-            for j, corner in enumerate(row):
-                if corner is not None:
-                    twist = corner.by_u if share is None else share * corner.by_v + (1 - share) * corner.by_u
-                    total = total + hermite_weight(i, s) * hermite_weight(j, t) * twist
-        return total
+    def _gregory(self, s: Any, t: Any) -> tuple[Any, Any]:
+        """How much ρ and ρ̃ count: ρ alone, or b : a where a = s(1 − s), b = t(1 − t), half each at corners."""
+        if self.whole.operator == "hermite":
+            return jnp.ones((), self.dtype), jnp.zeros((), self.dtype)
+        a, b = s * (1 - s), t * (1 - t)
+        corner = a + b == 0
+        share = jnp.where(corner, 0.5, b / jnp.where(corner, 1, a + b))
+        return 1 - share, share
 
 
 class ScaledSurface(AbstractSurface):
@@ -201,7 +280,7 @@ class ScaledSurface(AbstractSurface):
     def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
         along_u, along_v = self.domain
         s, t = carried(u, along_u, (0.0, 1.0)), carried(v, along_v, (0.0, 1.0))
-        along, across = self._maps(s, t)
+        along, across = self._map(0, t), self._map(1, s)
         x = self.surface.point(u, v)
         if along is not None:
             x = along(x, s)
@@ -210,8 +289,7 @@ class ScaledSurface(AbstractSurface):
     def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
         along_u, along_v = self.domain
         s, t = carried(u, along_u, (0.0, 1.0)), carried(v, along_v, (0.0, 1.0))
-        rows = jax.vmap(lambda y: self._maps(s[0], y)[0])(t)
-        columns = jax.vmap(lambda x: self._maps(x, t[0])[1])(s)
+        rows, columns = jax.vmap(lambda y: self._map(0, y))(t), jax.vmap(lambda x: self._map(1, x))(s)
         total = self.surface.grid_points(u, v)
         if rows is not None:
             total = jax.vmap(lambda line, x: jax.vmap(lambda m, p: m(p, x))(rows, line))(total, s)
@@ -219,22 +297,15 @@ class ScaledSurface(AbstractSurface):
             total = jax.vmap(lambda m, line: jax.vmap(m)(line, t))(columns, total)
         return total
 
-    def _maps(self, s: Float[Array, ""], t: Float[Array, ""]) -> tuple[LineMap | None, LineMap | None]:
-        """The maps of the line along u at t, and of the line along v at s on the surface that the first ones have made."""
-        whole, square = self.whole, Square(self.surface)
-        by_u, by_v = (any(f is not None for f in fields) for fields in (whole.fields[:2], whole.fields[2:]))
-        rows = whole.line_map(square, 0, t) if by_u else None
-        if not by_v:
-            return rows, None
-        edges = None
-        if self.edge_maps is not None:
-            edges = []
-            for end in (0, 1):
-                point, along, across = square.on_side(1, end, s)
-                ready, change = self.edge_maps[end]
-                moved = jax.jvp(lambda m, x: m(x, s), (ready, point), (change, across))[1]
-                edges.append((point, along, moved))
-        return rows, whole.line_map(square, 1, s, edges)
+    def line(self, axis: int, share: Float[Array, ""]) -> Line:
+        """The line along u at a share of v, or that along v at a share of u on the surface that the first maps have made."""
+        return self.whole.line(Square(self.surface), axis, share, self.edge_maps if axis == 1 else None)
+
+    def _map(self, axis: int, share: Float[Array, ""]) -> LineMap | None:
+        """The map of a line, None where neither end has a field."""
+        if all(field is None for field in self.whole.fields[2 * axis : 2 * axis + 2]):
+            return None
+        return self.line(axis, share).map(self.whole.operator)
 
 
 def _bracket(m: Float[Array, "3"], x: Float[Array, "3"], e: Float[Array, "3"]) -> Float[Array, "3"]:
@@ -242,40 +313,19 @@ def _bracket(m: Float[Array, "3"], x: Float[Array, "3"], e: Float[Array, "3"]) -
     return x * (m @ e) - e * (m @ x)
 
 
-def _alike(normal: Float[Array, "3"], other: Float[Array, "3"]) -> Float[Array, "3"]:
+def alike(normal: Float[Array, "3"], other: Float[Array, "3"]) -> Float[Array, "3"]:
     """The normal, or its negative, that points to the side of another one."""
     return jnp.where(jax.lax.stop_gradient(normal @ other) < 0, -normal, normal)
 
 
-def _gregory_share(s: Float[Array, ""], t: Float[Array, ""]) -> Float[Array, ""]:
-    """b / (a + b), a = s(1 − s), b = t(1 − t): 0 on the sides t = 0, 1, and 1 on s = 0, 1; ½ at corners."""
-    a, b = s * (1 - s), t * (1 - t)
-    corner = a + b == 0
-    return jnp.where(corner, 0.5, b / jnp.where(corner, 1, a + b))
+def _upright(normal: Float[Array, "3"], along: Float[Array, "3"]) -> Float[Array, "3"]:
+    """The unit normal of the nearest plane that holds a direction."""
+    along = unit(along)
+    return unit(normal - (normal @ along) * along)
 
 
-def hermite_line(points: Float[Array, "2 3"], across: Float[Array, "2 3"], x: Any) -> Float[Array, "3"]:
-    """The cubic with these ends and end slopes."""
-    rise = x * x * (3 - 2 * x)
-    return (1 - rise) * points[0] + rise * points[1] + hermite_weight(0, x) * across[0] + hermite_weight(1, x) * across[1]
-
-
-def _share_of_scaling(
-    line: LineMap, points: Float[Array, "2 3"], across: Float[Array, "2 3"], below: Float[Array, "2"], given: list[bool]
-) -> Float[Array, ""]:
-    """1 where F behaves, 0 near rows where its denominator vanishes: both keep the planes, and so does any mixture.
-
-    1/γ = (4/27) |denominator| / max |[N; X_h]| over the row's cubic X_h; the share is smoothstep(6 (1/γ − 1/3)).
-    """
-    total = jnp.ones((), below.dtype)
-    rows = [hermite_line(points, across, x) - line.end for x in (0.2, 0.4, 0.6, 0.8)]
-    for k, normal in enumerate((line.own, line.first)):
-        if given[k]:
-            largest = jnp.max(jnp.stack([norm(_bracket(normal, x, line.e)) for x in rows]))
-            steady = 4 / 27 * divide(jnp.abs(below[k]), largest)
-            x = jnp.clip(6 * (steady - 1 / 3), 0, 1)
-            total = total * x * x * (3 - 2 * x)
-    return total
+def _weights(x: Float[Array, ""]) -> Float[Array, "2"]:
+    return jnp.stack([hermite_weight(end, x) for end in (0, 1)])
 
 
 @breaks.register(TangentSurface)

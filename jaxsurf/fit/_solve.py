@@ -145,8 +145,8 @@ def solve(
     from outside.
     """
     # arrays, not floats: another tolerance must not compile again
-    rtol, release = (jnp.asarray(x, problem.points.dtype) for x in (rtol, release))
-    solver = NormalEquationsSolver(rtol=rtol, atol=0.0, release=release)
+    known = lambda x: jnp.asarray(x, problem.points.dtype)
+    solver = NormalEquationsSolver(rtol=known(rtol), atol=0.0, release=known(release))
     theta = problem.unknowns()
     args = (problem, feet, penalty)
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):

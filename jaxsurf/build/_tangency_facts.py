@@ -1,0 +1,158 @@
+"""What is measured on the sides, lines and corners of a surface before it is bent to given planes, and after."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._safe import angle, divide, norm, unit
+from ..surface import AbstractSurface
+from ._edge_fields import SIDES
+from ._guides import value_and_slope
+from ._square import Square, hermite_weight
+from ._tangent_surface import Corner, Line, ScaledSurface, TangentSurface, alike
+
+SAMPLES = 33
+_INSIDE = (0.2, 0.4, 0.6, 0.8)
+_WILD = 2.5  # how far F may move a line, next to H
+
+
+class SideFacts(NamedTuple):
+    """Of one side at even shares: its points, derivatives along and across, the surface's normal, the given one."""
+
+    point: Float[Array, "n 3"]
+    along: Float[Array, "n 3"]
+    across: Float[Array, "n 3"]
+    own: Float[Array, "n 3"]
+    given: Float[Array, "n 3"]
+
+
+class LineFacts(NamedTuple):
+    """Of the lines across one axis: ⟨e, N⟩ of (4.13) and the left sides of (4.14) for unit vectors, at ends with a normal;
+    k₁ and k₂; how far F and H move the cubic like the line at most; k' at both ends."""
+
+    chord_slope: Float[Array, "n 2"]
+    below: Float[Array, "n 2"]
+    k: Float[Array, "n 2"]
+    by_scaling: Float[Array, "n"]
+    by_hermite: Float[Array, "n"]
+    slopes_of_k: Float[Array, "2 2"]
+
+    @property
+    def behave(self) -> Float[Array, "n"]:
+        """Whether F moves a line not much further than H does and turns nothing round."""
+        few = 1e-9 * jnp.max(self.by_hermite) + 1e-13
+        return (self.by_scaling <= _WILD * self.by_hermite + few) & (jnp.min(self.k, axis=1) > 0)
+
+
+def shares(dtype: Any) -> Float[Array, "n"]:
+    """Where sides are sampled."""
+    return jnp.linspace(0, 1, SAMPLES, dtype=dtype)
+
+
+@eqx.filter_jit
+def side_facts(shape: TangentSurface) -> tuple[dict[str, SideFacts], dict[tuple[int, int], Corner]]:
+    """All sides with fields, and the corners between them."""
+    square = Square(shape.surface.prepared())
+    at = shares(shape.dtype)
+    sides = {}
+    for axis in (0, 1):
+        points, slopes = jax.vmap(lambda t, axis=axis: square.ends(axis, t))(at)
+        for end in (0, 1):
+            field = shape.fields[2 * axis + end]
+            if field is not None:
+                own = unit(jnp.cross(slopes[:, end, 0], slopes[:, end, 1]))
+                given = unit(jax.vmap(field.normal)(at))
+                across, along = slopes[:, end, axis], slopes[:, end, 1 - axis]
+                sides[SIDES[2 * axis + end]] = SideFacts(points[:, end], along, across, own, given)
+    return sides, shape.corners(square)
+
+
+@eqx.filter_jit
+def line_facts(shape: TangentSurface) -> dict[int, LineFacts]:
+    """Of the lines across both axes that have fields; those across the second one on what F has made of the first."""
+    ready: ScaledSurface = TangentSurface(shape.surface, shape.fields, "scaling").prepared()
+    at = shares(shape.dtype)
+    found = {}
+    for axis in (0, 1):
+        if any(field is not None for field in shape.fields[2 * axis : 2 * axis + 2]):
+            read = lambda t, axis=axis: _of_line(ready.line(axis, t))
+            values = jax.vmap(read)(at)
+            ends = [
+                value_and_slope(lambda t, read=read: read(t)["k"], jnp.asarray(float(i), shape.dtype))[1] for i in (0, 1)
+            ]
+            found[axis] = LineFacts(**values, slopes_of_k=jnp.stack(ends))
+    return found
+
+
+def _of_line(line: Line) -> dict[str, Array]:
+    scaling = line.scaling()
+    counted = jnp.stack([scaling.own, scaling.first])
+    below = line.below / jnp.maximum(norm(line.across), jnp.finfo(line.e.dtype).tiny)
+    factors = 1 + scaling.mu * (counted @ line.e)
+    moved = []
+    for place in _INSIDE:
+        x, share = line.like_this(place), jnp.asarray(place, line.e.dtype)
+        bent = eqx.tree_at(lambda m: m.share, scaling, jnp.zeros((), line.e.dtype))
+        moved.append((norm(scaling(x, share) - x), norm(bent(x, share) - x)))
+    most = [jnp.max(jnp.stack(sizes)) for sizes in zip(*moved, strict=True)]
+    names = ("chord_slope", "below", "k", "by_scaling", "by_hermite")
+    return dict(zip(names, (counted @ line.e, below, factors, *most), strict=True))
+
+
+class Outcome(NamedTuple):
+    """Angles between the surface and the given planes along the sides, before and after; the largest displacement."""
+
+    before: dict[str, Float[Array, "n"]]
+    after: dict[str, Float[Array, "n"]]
+    moved: Float[Array, ""]
+
+
+@eqx.filter_jit
+def outcome(shape: TangentSurface) -> Outcome:
+    """Of the surface as it is bent."""
+    base, bent = shape.surface.prepared(), shape.prepared()
+    at = shares(shape.dtype)
+
+    def angles(axis: int, share: Float[Array, ""]) -> dict[str, tuple[Array, Array]]:
+        before, after = (Square(surface).ends(axis, share)[1] for surface in (base, bent))
+        normals = shape.normals(axis, share, before[:, 1 - axis])
+        both = lambda end, normal: (plane_angle(before[end], normal), plane_angle(after[end], normal))
+        return {SIDES[2 * axis + end]: both(end, normal) for end, normal in normals.items()}
+
+    both = {name: pair for axis in (0, 1) for name, pair in jax.vmap(lambda t, a=axis: angles(a, t))(at).items()}
+    (a, b), (c, d) = (tuple(jnp.asarray(x, shape.dtype) for x in ends) for ends in shape.domain)
+    u, v = a + (b - a) * at[::2], c + (d - c) * at[::2]
+    moved = jnp.max(norm(bent.grid_points(u, v) - base.grid_points(u, v)))
+    return Outcome({k: x[0] for k, x in both.items()}, {k: x[1] for k, x in both.items()}, moved)
+
+
+def plane_angle(slopes: Float[Array, "2 3"], normal: Float[Array, "3"]) -> Float[Array, ""]:
+    """The angle in [0, π/2] between the plane of two derivatives and that of a normal; 0 where the former is none."""
+    own = jnp.cross(slopes[0], slopes[1])
+    return jnp.where(norm(own) == 0, 0, angle(own, alike(normal, own)))
+
+
+def predicted(shape: TangentSurface, sides: dict[str, SideFacts], corners: dict[tuple[int, int], Corner]) -> Any:
+    """Angles that operator H leaves on the sides where corners are not compatible: ⟨∂HS, M⟩ = ∓Σ w σ ⟨n, M⟩."""
+    at = shares(shape.dtype)
+    found = {}
+    for name, facts in sides.items():
+        side = SIDES.index(name)
+        rest = jnp.zeros_like(at)
+        for (i, j), corner in corners.items():
+            here, end = (i, j) if side < 2 else (j, i)
+            if side < 2 and here == side:
+                rest = rest - hermite_weight(end, at) * (corner.rho[1] - corner.rho[0]) * (facts.given @ corner.normals[0])
+        tangent = unit(facts.along)
+        inside = facts.across - jnp.sum(facts.across * facts.given, axis=1, keepdims=True) * facts.given
+        inside = inside - jnp.sum(inside * tangent, axis=1, keepdims=True) * tangent
+        found[name] = jnp.arctan(divide(jnp.abs(rest), norm(inside)))
+    return found
+
+
+def is_a_point(facts: SideFacts, surface: AbstractSurface) -> Any:
+    """Whether a side is a single point."""
+    return jnp.max(norm(facts.along)) <= 1e-9 * jnp.max(norm(facts.across))

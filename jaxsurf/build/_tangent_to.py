@@ -1,0 +1,307 @@
+"""`tangent_to` and `tangency_report`: planes checked, an operator chosen, and what came of it."""
+
+import warnings
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from .._arguments import as_type, early
+from .._array import eps, is_concrete
+from .._errors import GeometryWarning, InputError
+from ..surface import AbstractSurface
+from ._edge_fields import SIDES, as_edge_field
+from ._tangency_facts import Corner, LineFacts, SideFacts, is_a_point, line_facts, outcome, predicted, side_facts
+from ._tangent_surface import OPERATORS, TangentSurface
+
+_CORNER = 1e-9  # relative size of ⟨S_v, M_j'⟩ − ⟨S_u, M_i'⟩ up to which corners count as compatible
+_SINGULAR = 1e-6  # of the left side of (4.14) for unit vectors
+
+
+def tangent_to(
+    surface: AbstractSurface,
+    *,
+    u0: Any = None,
+    u1: Any = None,
+    v0: Any = None,
+    v1: Any = None,
+    operator: str = "auto",
+    tolerance: float = 1e-6,
+) -> TangentSurface:
+    """Bend a surface so that it touches given planes along sides and keeps all four boundary curves.
+
+    u0, u1, v0, v1: normals of the planes along the sides u = first, u = last, v = first, v = last, of any length: a function
+    of the parameter along the side, (3,) each; an array (n, 3) at even steps of it; a curve of normals;
+    (surface, side) of a neighbour whose side is the same curve, for its tangent planes; None leaves a side free.
+    The planes hold the tangents of their side, (4.3), and at its ends the tangents of the sides that it meets, (4.4), within
+    `tolerance` radians; between the points of an array they are turned until they do.
+    operator: "scaling" (F of the paper, which scales lines across as a whole), "hermite" (H, always defined), "gregory" (H
+    without conditions at corners), "blend" (F where its lines behave, H elsewhere), or "auto": F if every line behaves,
+    else H, and Gregory H where corners are not compatible (5.7) to (5.10); inside `jit` it is Gregory H.
+    Raises `InputError` where a plane does not hold its curves, and for F where (4.14) fails. Source: Jōnishi, Yajima (paper
+    000), sections 4 and 5.
+    """
+    return _bent(surface, {"u0": u0, "u1": u1, "v0": v0, "v1": v1}, operator, tolerance)[0]
+
+
+class SideReport(NamedTuple):
+    """What `tangency_report` says of one side; angles in radians.
+
+    off_side: largest angle between the planes and the side's tangents, (4.3); off_ends: those with the sides met at both
+    ends, (4.4); facing: smallest cosine between the given and the surface's normals, (4.5); chord_slope: smallest
+    |⟨e, N⟩| of (4.13); denominator: smallest left side of (4.14) for unit vectors, at `worst` (the parameter); k: smallest
+    and largest factor; slopes_of_k: k' at both ends; before, after: largest angle between the surface's and the given
+    planes; predicted: that which H leaves where corners are not compatible.
+    """
+
+    side: str
+    off_side: float
+    off_ends: tuple[float, float]
+    facing: float
+    chord_slope: float
+    denominator: float
+    worst: float
+    k: tuple[float, float]
+    slopes_of_k: tuple[float, float]
+    before: float
+    after: float
+    predicted: float
+
+
+class CornerReport(NamedTuple):
+    """A corner of two given sides, such as ("u0", "v1"): the angle between their normals there, (5.4), and the difference
+    ⟨S_v, M_j'⟩ − ⟨S_u, M_i'⟩ of (5.7) to (5.10), also relative to its terms."""
+
+    sides: tuple[str, str]
+    off: float
+    twist: float
+    relative: float
+
+
+class TangencyReport(NamedTuple):
+    """How a surface is bent to planes along its sides, see `SideReport` and `CornerReport`; prints as a table.
+
+    compatible: whether all corners hold (5.4) and (5.7) to (5.10); behaves: share of lines on which F is fit; moved: the
+    largest displacement.
+    """
+
+    operator: str
+    compatible: bool
+    behaves: float
+    moved: float
+    sides: tuple[SideReport, ...]
+    corners: tuple[CornerReport, ...]
+
+    def __str__(self) -> str:
+        lines = [
+            f"operator {self.operator}, moved by {self.moved:.3g} at most, F fit on {100 * self.behaves:.0f} % of the lines"
+        ]
+        lines.append("side  (4.3)    (4.4)    (4.5)   (4.13)   (4.14)   k              before    after     predicted")
+        for s in self.sides:
+            lines.append(
+                f"{s.side}    {s.off_side:<8.1e} {max(s.off_ends):<8.1e} {s.facing:<7.3f} {s.chord_slope:<8.1e} "
+                f"{s.denominator:<8.1e} {s.k[0]:<6.3g} {s.k[1]:<7.3g} {s.before:<9.2e} {s.after:<9.2e} {s.predicted:.2e}"
+            )
+        for c in self.corners:
+            lines.append(
+                f"corner {c.sides[0]} {c.sides[1]}: normals {c.off:.1e} rad apart, twist condition off by {c.twist:.2e}"
+            )
+        return "\n".join(lines)
+
+
+def tangency_report(
+    surface: AbstractSurface,
+    *,
+    u0: Any = None,
+    u1: Any = None,
+    v0: Any = None,
+    v1: Any = None,
+    operator: str = "auto",
+    tolerance: float = 1e-6,
+) -> TangencyReport:
+    """What `tangent_to` with the same arguments does to a surface, and what it finds on its sides and corners."""
+    given = {"u0": u0, "u1": u1, "v0": v0, "v1": v1}
+    bent, sides, corners = _bent(surface, given, operator, tolerance)
+    if not is_concrete(bent):
+        raise InputError("`surface` of a report must be known, got one inside `jit` or `grad`; call it outside.")
+    done, lines = outcome(bent), line_facts(bent)
+    foretold = predicted(bent, sides, corners)
+    reports = []
+    for name, facts in sides.items():
+        axis, end = divmod(SIDES.index(name), 2)
+        line = lines[axis]
+        below = np.abs(np.asarray(line.below[:, end]))
+        places = _places(surface, axis, len(below))
+        k = np.asarray(line.k[:, end])
+        left = float(np.max(foretold[name])) if bent.operator == "hermite" else 0.0
+        reports.append(
+            SideReport(
+                name,
+                float(np.max(_off_side(facts))),
+                _two(_off_ends(facts)),
+                float(np.min(np.abs(_facing(facts)))),
+                float(np.min(np.abs(np.asarray(line.chord_slope[:, end])))),
+                float(below.min()),
+                float(places[np.argmin(below)]),
+                (float(k.min()), float(k.max())),
+                _two(line.slopes_of_k[:, end]),
+                float(np.max(done.before[name])),
+                float(np.max(done.after[name])),
+                left,
+            )
+        )
+    behaves = float(np.mean([np.mean(np.asarray(line.behave)) for line in lines.values()]))
+    found = tuple(_corner_report(at, corner) for at, corner in corners.items())
+    return TangencyReport(bent.operator, _compatible(corners, tolerance), behaves, float(done.moved), tuple(reports), found)
+
+
+def _bent(
+    surface: AbstractSurface, given: dict[str, Any], operator: str, tolerance: float
+) -> tuple[TangentSurface, dict[str, SideFacts], dict[tuple[int, int], Corner]]:
+    if not isinstance(surface, AbstractSurface):
+        raise InputError(f"`surface` must be a surface, got {type(surface).__name__}.")
+    if operator not in ("auto", *OPERATORS):
+        raise InputError(f"`operator` must be one of auto, {', '.join(OPERATORS)}, got {operator!r}.")
+    fields = as_type(tuple(as_edge_field(given[side], surface, side) for side in SIDES), surface.dtype)
+    if all(field is None for field in fields):
+        raise InputError("At least one of `u0`, `u1`, `v0`, `v1` must give the normals along its side, got none.")
+    bent = TangentSurface(surface, fields, "gregory" if operator == "auto" else operator)
+    if not is_concrete(bent):
+        return bent, {}, {}
+    sides, corners = early(side_facts, bent)
+    allowed = max(tolerance, 1e3 * eps(surface.dtype))
+    sampled = {side for side in SIDES if _is_array(given[side])}
+    for name, facts in sides.items():
+        _check_side(name, facts, surface, allowed, sampled, operator)
+    compatible = _compatible(corners, allowed)
+    if operator == "auto":
+        operator = "gregory" if not compatible else "scaling" if _fit_for_scaling(early(line_facts, bent)) else "hermite"
+    elif not compatible and operator != "gregory":
+        angle = max(float(np.max(x)) for x in early(predicted, bent, sides, corners).values())
+        warnings.warn(
+            f"Corners are not compatible, (5.7) to (5.10): {operator!r} leaves up to {angle:.2g} rad to the planes; "
+            '"gregory" needs no such condition.',
+            GeometryWarning,
+            stacklevel=3,
+        )
+    bent = TangentSurface(surface, fields, operator)
+    if operator == "scaling":
+        _check_scaling(bent)
+    return bent, sides, corners
+
+
+def _places(surface: AbstractSurface, axis: int, count: int) -> Float[np.ndarray, "n"]:
+    """Even parameters along the sides across an axis."""
+    first, last = (float(x) for x in surface.domain[1 - axis])
+    return np.linspace(first, last, count)
+
+
+def _two(values: Any) -> tuple[float, float]:
+    first, second = (float(x) for x in values)
+    return first, second
+
+
+def _is_array(given: Any) -> bool:
+    return (
+        given is not None
+        and not callable(given)
+        and not (isinstance(given, tuple) and isinstance(given[0], AbstractSurface))
+    )
+
+
+def _off_side(facts: SideFacts) -> Float[np.ndarray, "n"]:
+    """Angles between the planes and the tangents of their side."""
+    return _lift(facts.along, facts.given)
+
+
+def _off_ends(facts: SideFacts) -> Float[np.ndarray, "2"]:
+    """Angles between the planes and the derivatives across, at both ends."""
+    return _lift(facts.across, facts.given)[[0, -1]]
+
+
+def _facing(facts: SideFacts) -> Float[np.ndarray, "n"]:
+    return np.sum(np.asarray(facts.own) * np.asarray(facts.given), axis=1)
+
+
+def _lift(vectors: Any, normals: Any) -> Float[np.ndarray, "n"]:
+    vectors = np.asarray(vectors)
+    lengths = np.sqrt(np.sum(vectors**2, axis=1))
+    small = lengths <= 1e-9 * lengths.max()
+    return np.where(small, 0, np.abs(np.sum(vectors * np.asarray(normals), axis=1)) / np.where(small, 1, lengths))
+
+
+def _check_side(
+    name: str, facts: SideFacts, surface: AbstractSurface, allowed: float, sampled: set[str], operator: str
+) -> None:
+    axis = SIDES.index(name) // 2
+    letter, places = "vu"[axis], _places(surface, axis, len(facts.point))
+    lengths = np.sqrt(np.sum(np.asarray(facts.given) ** 2, axis=1))
+    if not np.all(np.isfinite(lengths)) or lengths.min() < 0.5:
+        worst = places[np.argmin(np.nan_to_num(lengths))]
+        raise InputError(
+            f"`{name}` must give finite normals of length > 0 all along the side, got none at {letter} = {worst:.6g}."
+        )
+    if operator in ("scaling", "blend") and bool(is_a_point(facts, surface)):
+        raise InputError(
+            f'`{name}` is a side that is a single point, on which {operator!r} is not defined; take `operator="hermite"`.'
+        )
+    off = _off_side(facts)
+    ends = off[[0, -1]] if name in sampled else off
+    at = places[[0, -1]] if name in sampled else places
+    if ends.max() > allowed:
+        raise InputError(
+            f"`{name}` must be normal to the side's curve within {allowed:.2g} rad, (4.3), and is off by "
+            f"{ends.max():.3g} rad at {letter} = {at[np.argmax(ends)]:.6g}; take away "
+            "the part of each normal that lies along the curve."
+        )
+    off = _off_ends(facts)
+    if off.max() > allowed:
+        end = int(np.argmax(off))
+        raise InputError(
+            f"`{name}` must at its ends be normal to the surface, since the boundary curves that meet there are kept, "
+            f"(4.4): it is off by {off[end]:.3g} rad at {letter} = {places[-end]:.6g}; give the surface's own normal there."
+        )
+    cosines = _facing(facts)
+    if cosines.min() < 0 < cosines.max() and min(-cosines.min(), cosines.max()) > 1e-6:
+        worst = places[np.argmin(np.abs(cosines))]
+        raise InputError(
+            f"`{name}` must keep to one side of the surface, (4.5), and is at right angles to its normal near {letter} = "
+            f"{worst:.6g}: the surface would fold; give normals within 90° of the surface's own."
+        )
+
+
+def _corner_report(at: tuple[int, int], corner: Corner) -> CornerReport:
+    normals, (rho, other) = np.asarray(corner.normals), corner.rho
+    off = float(np.arctan2(np.sqrt(np.sum(np.cross(normals[0], normals[1]) ** 2)), normals[0] @ normals[1]))
+    twist = float(other - rho)
+    sizes = [float(np.sqrt(np.sum(np.asarray(x) ** 2))) for x in (corner.first, corner.changes)]
+    sides = (f"u{at[0]}", f"v{at[1]}")
+    return CornerReport(sides, off, twist, abs(twist) / max(sizes[0] * max(sizes[1], 1), np.finfo(float).tiny))
+
+
+def _compatible(corners: dict[tuple[int, int], Corner], allowed: float) -> bool:
+    reports = [_corner_report(at, corner) for at, corner in corners.items()]
+    return all(r.relative <= max(_CORNER, 1e-3 * allowed) and r.off <= allowed for r in reports)
+
+
+def _fit_for_scaling(lines: dict[int, LineFacts]) -> bool:
+    return all(bool(np.all(np.asarray(line.behave))) for line in lines.values())
+
+
+def _check_scaling(bent: TangentSurface) -> None:
+    """F is refused where its denominator vanishes on a line, or between two lines."""
+    for axis, line in early(line_facts, bent).items():
+        for end in (0, 1):
+            if bent.fields[2 * axis + end] is None:
+                continue
+            below = np.asarray(line.below[:, end])
+            places = _places(bent, axis, len(below))
+            moved = np.abs(np.asarray(line.k[:, end]) - 1) > 1e-9
+            turns = np.flatnonzero((below[:-1] * below[1:] < 0) & (moved[:-1] | moved[1:]))
+            small = np.flatnonzero((np.abs(below) < _SINGULAR) & moved)
+            if len(turns) or len(small):
+                worst = places[small[0]] if len(small) else places[turns[0]]
+                raise InputError(
+                    f'`{SIDES[2 * axis + end]}` cannot be met by "scaling": the left side of (4.14) vanishes near '
+                    f'{"vu"[axis]} = {worst:.6g}, as on ruled surfaces; take `operator="hermite"` or "auto".'
+                )
