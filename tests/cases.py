@@ -408,10 +408,9 @@ def _(rng: np.random.Generator) -> Case:
 
 @case(SURFACES, "TangentSurface")
 def _(rng: np.random.Generator) -> Case:
-    surface = make("BSplineSurface").shape
-    normals = [0.5 * rng.normal(size=(2, 3)) + [0, 0, 3] for _ in range(2)]
-    first, second = (CurveField(js.BSplineCurve(n, js.clamped_knots(2, 1), 1)) for n in normals)
-    return Case(TangentSurface(surface, (first, None, None, second), "gregory"))
+    normals = 0.5 * rng.normal(size=(2, 3)) + [0, 0, 3]
+    field = CurveField(js.BSplineCurve(normals, js.clamped_knots(2, 1), 1))
+    return Case(TangentSurface(make("BSplineSurface").shape, (field, None, None, None), "hermite"))
 
 
 def _rows(basis: js.BSplineBasis, places: np.ndarray) -> list[np.ndarray]:

@@ -132,8 +132,8 @@ class Station:
         return self.chord @ self.chord_direction
 
 
-def value_and_slope(f: Any, t: Float[Array, ""]) -> tuple[Array, Array]:
-    """f(t) and f'(t) in forward mode."""
+def value_and_slope(f: Any, t: Float[Array, ""]) -> tuple[Any, Any]:
+    """f(t) and f'(t) in forward mode; f may give a pytree."""
     return jax.jvp(f, (t,), (jnp.ones_like(t),))
 
 

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from .._safe import angle, divide, norm, unit
 from ..surface import AbstractSurface
@@ -16,6 +16,9 @@ from ._tangent_surface import Corner, Line, ScaledSurface, TangentSurface, alike
 
 SAMPLES = 33
 _INSIDE = (0.2, 0.4, 0.6, 0.8)
+SINGULAR = 1e-6
+"""Left sides of (4.14), for unit vectors, below which F is not defined."""
+
 _WILD = 2.5  # how far F may move a line, next to H
 
 
@@ -31,20 +34,28 @@ class SideFacts(NamedTuple):
 
 class LineFacts(NamedTuple):
     """Of the lines across one axis: ⟨e, N⟩ of (4.13) and the left sides of (4.14) for unit vectors, at ends with a normal;
-    k₁ and k₂; how far F and H move the cubic like the line at most; k' at both ends."""
+    sines of the angles to the given planes there; k₁ and k₂; how far F and H move the cubic like the line at most; k' at
+    both ends."""
 
     chord_slope: Float[Array, "n 2"]
     below: Float[Array, "n 2"]
+    pulled: Float[Array, "n 2"]
     k: Float[Array, "n 2"]
     by_scaling: Float[Array, "n"]
     by_hermite: Float[Array, "n"]
     slopes_of_k: Float[Array, "2 2"]
 
     @property
-    def behave(self) -> Float[Array, "n"]:
-        """Whether F moves a line not much further than H does and turns nothing round."""
+    def behave(self) -> Bool[Array, "n"]:
+        """Whether F is defined on a line, moves it not much further than H does and turns nothing round."""
         few = 1e-9 * jnp.max(self.by_hermite) + 1e-13
-        return (self.by_scaling <= _WILD * self.by_hermite + few) & (jnp.min(self.k, axis=1) > 0)
+        near = (self.by_scaling <= _WILD * self.by_hermite + few) & (jnp.min(self.k, axis=1) > 0)
+        return near & ~jnp.any(self.singular, axis=1)
+
+    @property
+    def singular(self) -> Bool[Array, "n 2"]:
+        """Where (4.14) fails and the plane is not the surface's own."""
+        return (jnp.abs(self.below) < SINGULAR) & (self.pulled > 1e-9)
 
 
 def shares(dtype: Any) -> Float[Array, "n"]:
@@ -90,7 +101,9 @@ def line_facts(shape: TangentSurface) -> dict[int, LineFacts]:
 def _of_line(line: Line) -> dict[str, Array]:
     scaling = line.scaling()
     counted = jnp.stack([scaling.own, scaling.first])
-    below = line.below / jnp.maximum(norm(line.across), jnp.finfo(line.e.dtype).tiny)
+    lengths = jnp.maximum(norm(line.across), jnp.finfo(line.e.dtype).tiny)
+    below = line.below / lengths
+    pulled = norm(line.pulls) / lengths
     factors = 1 + scaling.mu * (counted @ line.e)
     moved = []
     for place in _INSIDE:
@@ -98,8 +111,8 @@ def _of_line(line: Line) -> dict[str, Array]:
         bent = eqx.tree_at(lambda m: m.share, scaling, jnp.zeros((), line.e.dtype))
         moved.append((norm(scaling(x, share) - x), norm(bent(x, share) - x)))
     most = [jnp.max(jnp.stack(sizes)) for sizes in zip(*moved, strict=True)]
-    names = ("chord_slope", "below", "k", "by_scaling", "by_hermite")
-    return dict(zip(names, (counted @ line.e, below, factors, *most), strict=True))
+    names = ("chord_slope", "below", "pulled", "k", "by_scaling", "by_hermite")
+    return dict(zip(names, (counted @ line.e, below, pulled, factors, *most), strict=True))
 
 
 class Outcome(NamedTuple):
@@ -136,20 +149,21 @@ def plane_angle(slopes: Float[Array, "2 3"], normal: Float[Array, "3"]) -> Float
 
 
 def predicted(shape: TangentSurface, sides: dict[str, SideFacts], corners: dict[tuple[int, int], Corner]) -> Any:
-    """Angles that operator H leaves on the sides where corners are not compatible: ⟨∂HS, M⟩ = ∓Σ w σ ⟨n, M⟩."""
+    """Angles that operator H leaves where corners are not compatible: on sides of u its derivative across is that of the
+    surface less ⟨S_u, M⟩ M and Σ_j w_j(v) σ_ij n_ij; sides of v are met."""
     at = shares(shape.dtype)
     found = {}
     for name, facts in sides.items():
         side = SIDES.index(name)
-        rest = jnp.zeros_like(at)
+        left = facts.across - jnp.sum(facts.across * facts.given, axis=1, keepdims=True) * facts.given
         for (i, j), corner in corners.items():
-            here, end = (i, j) if side < 2 else (j, i)
-            if side < 2 and here == side:
-                rest = rest - hermite_weight(end, at) * (corner.rho[1] - corner.rho[0]) * (facts.given @ corner.normals[0])
+            if i == side:
+                rho, other = corner.rho
+                left = left - (hermite_weight(j, at) * (other - rho))[:, None] * corner.normals[0][None]
         tangent = unit(facts.along)
-        inside = facts.across - jnp.sum(facts.across * facts.given, axis=1, keepdims=True) * facts.given
-        inside = inside - jnp.sum(inside * tangent, axis=1, keepdims=True) * tangent
-        found[name] = jnp.arctan(divide(jnp.abs(rest), norm(inside)))
+        left = left - jnp.sum(left * tangent, axis=1, keepdims=True) * tangent
+        out = jnp.sum(left * facts.given, axis=1)
+        found[name] = jnp.arctan(divide(jnp.abs(out), norm(left - out[:, None] * facts.given)))
     return found
 
 

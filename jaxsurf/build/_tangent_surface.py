@@ -222,7 +222,7 @@ class HermiteSurface(AbstractSurface):
         for axis, (along, across) in enumerate(((t, s), (s, t))):
             for end, pull in self._pulls(axis, along).items():
                 total = total - hermite_weight(end, across) * pull
-        weights = _weights(s)[:, None] * _weights(t)
+        weights = _weights(s)[:, None] * _weights(t)[None, :]
         for share, twists in zip(self._gregory(s, t), (0, 1), strict=True):
             total = total + share * jnp.sum(weights[..., None] * self.twists[:, :, twists], axis=(0, 1))
         return total

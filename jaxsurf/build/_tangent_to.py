@@ -15,7 +15,6 @@ from ._tangency_facts import Corner, LineFacts, SideFacts, is_a_point, line_fact
 from ._tangent_surface import OPERATORS, TangentSurface
 
 _CORNER = 1e-9  # relative size of ⟨S_v, M_j'⟩ − ⟨S_u, M_i'⟩ up to which corners count as compatible
-_SINGULAR = 1e-6  # of the left side of (4.14) for unit vectors
 
 
 def tangent_to(
@@ -296,9 +295,9 @@ def _check_scaling(bent: TangentSurface) -> None:
                 continue
             below = np.asarray(line.below[:, end])
             places = _places(bent, axis, len(below))
-            moved = np.abs(np.asarray(line.k[:, end]) - 1) > 1e-9
-            turns = np.flatnonzero((below[:-1] * below[1:] < 0) & (moved[:-1] | moved[1:]))
-            small = np.flatnonzero((np.abs(below) < _SINGULAR) & moved)
+            pulled = np.asarray(line.pulled[:, end]) > 1e-9
+            turns = np.flatnonzero((below[:-1] * below[1:] < 0) & (pulled[:-1] | pulled[1:]))
+            small = np.flatnonzero(np.asarray(line.singular[:, end]))
             if len(turns) or len(small):
                 worst = places[small[0]] if len(small) else places[turns[0]]
                 raise InputError(
