@@ -16,6 +16,7 @@ from ..differential import partials
 from ..edit import ReparametrisedSurface, split
 from ..surface import AbstractSurface
 from ..surface._breaks import breaks
+from ._network import Network
 
 _SAMPLES = 33  # places in each span along a row
 
@@ -51,12 +52,17 @@ def creases(surface: Any, angle: float = 1e-3, *, direction: str = "v") -> Creas
     return Creases(inner, angles)
 
 
-def split_at_creases(surface: AbstractSurface, angle: float = 1e-3, *, direction: str = "v") -> tuple[AbstractSurface, ...]:
+def split_at_creases(
+    surface: AbstractSurface | Network, angle: float = 1e-3, *, direction: str = "v"
+) -> tuple[AbstractSurface, ...]:
     """The parts of a surface between its creases, each smooth up to its edges; together they are the surface.
 
     Each part has its own part of the domain. Splines are split exactly; of other surfaces a part stops 16 roundings before
-    the crease, so that its normals there are its own. Needs known data.
+    the crease, so that its normals there are its own. Of a network: the parts of all its patches, one after another. Needs
+    known data.
     """
+    if isinstance(surface, Network):
+        return tuple(part for patch in surface.patches for part in split_at_creases(patch, angle, direction=direction))
     if isinstance(surface, AbstractSurface) and not is_concrete(surface):
         raise InputError("`split_at_creases` decides on known values: call it outside of `jit` and `grad`.")
     parts, rest = [], surface

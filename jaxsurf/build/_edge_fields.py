@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from .._array import as_float
 from .._errors import InputError
+from .._prepared import Preparable
 from .._registry import register
 from .._safe import unit
 from ..basis import clamped_knots
@@ -18,14 +19,11 @@ from ..convert import interpolate
 from ..curve import AbstractCurve, BSplineCurve
 from ..differential import normal_at
 from ..surface import AbstractSurface
-from ._guides import carried
-from ._square import Square, places_on
-
-SIDES = ("u0", "u1", "v0", "v1")
-"""Sides u = first, u = last, v = first, v = last."""
+from ._guides import carried, value_and_slope
+from ._ribbons import SIDES, AbstractRibbon, ribbon_of
 
 
-class AbstractEdgeField(eqx.Module):
+class AbstractEdgeField(Preparable):
     """Normals along a side, a function of the share of the side from 0 to 1."""
 
     @abc.abstractmethod
@@ -46,30 +44,45 @@ class CurveField(AbstractEdgeField):
 
 @register
 class EdgeField(AbstractEdgeField):
-    """The normals of another surface along a line of its unit square, most often one of its sides: from (s, t) to (s, t).
+    """The normals of another surface along its own side; turned: that side runs the other way.
 
     thin: whether the derivatives there may be parallel, as on a side that is a point; the normal is then the limit.
     """
 
     surface: AbstractSurface
-    line: Float[Array, "2 2"]
+    side: str = eqx.field(static=True)
+    turned: bool = eqx.field(static=True, default=False)
     thin: bool = eqx.field(static=True, default=False)
 
-    @classmethod
-    def of_side(cls, surface: AbstractSurface, side: str, turned: bool = False, thin: bool = False) -> "EdgeField":
-        """A whole side; turned: it runs the other way."""
-        axis, end = divmod(SIDES.index(side), 2)
-        places = jax.vmap(lambda share: places_on(axis, share)[end])(jnp.arange(2, dtype=surface.dtype))
-        return cls(surface, places[::-1] if turned else places, thin)
+    def prepared(self) -> "PreparedEdgeField | EdgeField":
+        if self.thin:
+            return self
+        axis, end = divmod(SIDES.index(self.side), 2)
+        number = lambda x: jnp.asarray(x, self.surface.dtype)
+        start, step = (1.0, -1.0) if self.turned else (0.0, 1.0)
+        ribbon = ribbon_of(self.surface.prepared(), axis, end)
+        return PreparedEdgeField(ribbon, number(start), number(step), number(1.0 - 2 * axis))
 
     def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
-        place = (1 - share) * self.line[0] + share * self.line[1]
-        if self.thin:
-            return normal_at(
-                self.surface, *(carried(x, (0.0, 1.0), d) for x, d in zip(place, self.surface.domain, strict=True))
-            )
-        _, slopes = Square(self.surface).slopes(place)
-        return unit(jnp.cross(slopes[0], slopes[1]))
+        if not self.thin:
+            return self.prepared().normal(share)
+        along = 1 - share if self.turned else share
+        axis, end = divmod(SIDES.index(self.side), 2)
+        place = (jnp.asarray(float(end), share.dtype), along)[:: 1 - 2 * axis]
+        return normal_at(self.surface, *(carried(x, (0.0, 1.0), d) for x, d in zip(place, self.surface.domain, strict=True)))
+
+
+class PreparedEdgeField(AbstractEdgeField):
+    """An `EdgeField` by the ribbon of its side, at start + step · share; sign: of S_u × S_v by across × along."""
+
+    ribbon: AbstractRibbon
+    start: Float[Array, ""]
+    step: Float[Array, ""]
+    sign: Float[Array, ""]
+
+    def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
+        (_, across), (along, _) = value_and_slope(self.ribbon.at, self.start + self.step * share)
+        return self.sign * unit(jnp.cross(across, along))
 
 
 @register
@@ -116,7 +129,7 @@ def as_edge_field(given: Any, surface: AbstractSurface, side: str) -> AbstractEd
                 f"`{side}` given by another surface must be (surface, side) or (surface, side, turned) with a side among "
                 f"{', '.join(SIDES)}, got {given[1:]!r}."
             )
-        return EdgeField.of_side(given[0], given[1], bool(given[2]) if len(given) == 3 else False)
+        return EdgeField(given[0], given[1], bool(given[2]) if len(given) == 3 else False)
     if isinstance(given, AbstractCurve):
         return CurveField(given)
     if callable(given):

@@ -7,11 +7,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._prepared import prepare
 from .._safe import angle, divide, norm, unit
 from ..surface import AbstractSurface
-from ._edge_fields import SIDES
 from ._guides import value_and_slope
-from ._square import Square, hermite_weight
+from ._ribbons import SIDES, hermite_weight, ribbons_of
 from ._tangent_surface import Corner, Line, ScaledSurface, TangentSurface, alike
 
 SAMPLES = 33
@@ -66,19 +66,19 @@ def shares(dtype: Any) -> Float[Array, "n"]:
 @eqx.filter_jit
 def side_facts(shape: TangentSurface) -> tuple[dict[str, SideFacts], dict[tuple[int, int], Corner]]:
     """All sides with fields, and the corners between them."""
-    square = Square(shape.surface.prepared())
+    ribbons = ribbons_of(shape.surface.prepared())
     at = shares(shape.dtype)
     sides = {}
     for axis in (0, 1):
-        points, slopes = jax.vmap(lambda t, axis=axis: square.ends(axis, t))(at)
+        points, across_all, along_all = jax.vmap(lambda t, axis=axis: ribbons.sides(axis, t))(at)
         for end in (0, 1):
             field = shape.fields[2 * axis + end]
             if field is not None:
-                own = unit(jnp.cross(slopes[:, end, 0], slopes[:, end, 1]))
-                given = unit(jax.vmap(field.normal)(at))
-                across, along = slopes[:, end, axis], slopes[:, end, 1 - axis]
+                across, along = across_all[:, end], along_all[:, end]
+                own = unit(jnp.cross(across, along) if axis == 0 else jnp.cross(along, across))
+                given = unit(jax.vmap(prepare(field).normal)(at))
                 sides[SIDES[2 * axis + end]] = SideFacts(points[:, end], along, across, own, given)
-    return sides, shape.corners(square)
+    return sides, shape.corners(ribbons)
 
 
 @eqx.filter_jit
@@ -126,13 +126,16 @@ class Outcome(NamedTuple):
 @eqx.filter_jit
 def outcome(shape: TangentSurface) -> Outcome:
     """Of the surface as it is bent."""
-    base, bent = shape.surface.prepared(), shape.prepared()
+    bent = shape.prepared()
+    base, before = bent.whole.surface, bent.ribbons
+    after = ribbons_of(bent)
     at = shares(shape.dtype)
 
     def angles(axis: int, share: Float[Array, ""]) -> dict[str, tuple[Array, Array]]:
-        before, after = (Square(surface).ends(axis, share)[1] for surface in (base, bent))
-        normals = shape.normals(axis, share, before[:, 1 - axis])
-        both = lambda end, normal: (plane_angle(before[end], normal), plane_angle(after[end], normal))
+        was, now = before.sides(axis, share), after.sides(axis, share)
+        normals = bent.whole.normals(axis, share, was[2])
+        off = lambda x, end, normal: plane_angle(x[1][end], x[2][end], normal)
+        both = lambda end, normal: (off(was, end, normal), off(now, end, normal))
         return {SIDES[2 * axis + end]: both(end, normal) for end, normal in normals.items()}
 
     both = {name: pair for axis in (0, 1) for name, pair in jax.vmap(lambda t, a=axis: angles(a, t))(at).items()}
@@ -142,9 +145,9 @@ def outcome(shape: TangentSurface) -> Outcome:
     return Outcome({k: x[0] for k, x in both.items()}, {k: x[1] for k, x in both.items()}, moved)
 
 
-def plane_angle(slopes: Float[Array, "2 3"], normal: Float[Array, "3"]) -> Float[Array, ""]:
+def plane_angle(one: Float[Array, "3"], other: Float[Array, "3"], normal: Float[Array, "3"]) -> Float[Array, ""]:
     """The angle in [0, π/2] between the plane of two derivatives and that of a normal; 0 where the former is none."""
-    own = jnp.cross(slopes[0], slopes[1])
+    own = jnp.cross(one, other)
     return jnp.where(norm(own) == 0, 0, angle(own, alike(normal, own)))
 
 

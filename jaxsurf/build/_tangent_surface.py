@@ -8,13 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._prepared import prepare
 from .._registry import register
 from .._safe import divide, norm, unit
 from ..surface import AbstractSurface
 from ..surface._breaks import breaks
 from ._edge_fields import AbstractEdgeField, together
 from ._guides import carried, value_and_slope
-from ._square import CORNERS, Square, hermite_weight
+from ._ribbons import CORNERS, AbstractRibbons, hermite_weight, ribbons_of
 
 OPERATORS = ("scaling", "hermite", "gregory", "blend")
 
@@ -77,10 +78,11 @@ class TangentSurface(AbstractSurface):
         return self.surface.domain
 
     def prepared(self) -> Any:
-        ready = self.surface.prepared()
+        whole = TangentSurface(self.surface.prepared(), prepare(self.fields), self.operator)
+        ribbons = ribbons_of(whole.surface)
         if self.operator in ("hermite", "gregory"):
-            return HermiteSurface(self, ready, self._twists(Square(ready)))
-        return ScaledSurface(self, ready, self._edge_maps(Square(ready)))
+            return HermiteSurface(whole, ribbons, whole._twists(ribbons))
+        return ScaledSurface(whole, ribbons, whole._edge_maps(ribbons))
 
     def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
         return self.prepared().point(u, v)
@@ -91,24 +93,28 @@ class TangentSurface(AbstractSurface):
     def normals(self, axis: int, share: Float[Array, ""], along: Float[Array, "2 3"]) -> dict[int, Float[Array, "3"]]:
         """The unit normals given on sides across an axis, by end; their planes hold the derivatives along the sides."""
         given = {end: field for end, field in enumerate(self.fields[2 * axis : 2 * axis + 2]) if field is not None}
-        values = together(list(given.values()), lambda field: field.normal(share))
-        return {end: _upright(value, along[end]) for end, value in zip(given, values, strict=True)}
+        if not given:
+            return {}
+        values = jnp.stack(together(list(given.values()), lambda field: field.normal(share)))
+        return dict(zip(given, jax.vmap(_upright)(values, along[np.array(list(given))]), strict=True))
 
-    def corners(self, square: Square) -> dict[tuple[int, int], Corner]:
+    def corners(self, ribbons: AbstractRibbons) -> dict[tuple[int, int], Corner]:
         """The corners between sides with fields, inside traced code."""
         pairs = [(i, j) for i, j in CORNERS if self.fields[i] is not None and self.fields[2 + j] is not None]
         if not pairs:
             return {}
-        first, second = square.corners()
+        first, second = (x.reshape(4, *x.shape[2:]) for x in ribbons.corners(self.dtype))
         ends = jnp.arange(2, dtype=self.dtype)
         known = {}
         given = {side: field for side, field in enumerate(self.fields) if field is not None}
         both = lambda field: jax.vmap(lambda t: value_and_slope(field.normal, t))(ends)
-        for side, values in zip(given, together(list(given.values()), both), strict=True):
-            at = np.array([CORNERS.index((side, end) if side < 2 else (end, side - 2)) for end in (0, 1)])
-            along = 1 if side < 2 else 0
-            turn = lambda m, x: jax.jvp(_upright, (m[0], x[0]), (m[1], x[1]))
-            known[side] = jax.vmap(turn)(values, (first[at, along], second[at, along, along]))
+        values = jax.tree.map(lambda *x: jnp.stack(x), *together(list(given.values()), both))
+        at = np.array([[CORNERS.index((k, end) if k < 2 else (end, k - 2)) for end in (0, 1)] for k in given])
+        along = np.array([[1 if k < 2 else 0] * 2 for k in given])
+        turn = lambda m, x: jax.jvp(_upright, (m[0], x[0]), (m[1], x[1]))
+        turned = jax.vmap(jax.vmap(turn))(values, (first[at, along], second[at, along, along]))
+        for row, side in enumerate(given):
+            known[side] = tuple(x[row] for x in turned)
         found = {}
         for i, j in pairs:
             at = CORNERS.index((i, j))
@@ -117,27 +123,26 @@ class TangentSurface(AbstractSurface):
             found[i, j] = Corner(first[at], second[at], jnp.stack([n, sign * other]), jnp.stack([by_v, sign * by_u]))
         return found
 
-    def _twists(self, square: Square) -> Float[Array, "2 2 2 3"]:
+    def _twists(self, ribbons: AbstractRibbons) -> Float[Array, "2 2 2 3"]:
         """ρ n and ρ̃ n at every corner, 0 where no two fields meet."""
-        found = self.corners(square)
+        found = self.corners(ribbons)
         none = jnp.zeros((2, 3), self.dtype)
         of = lambda at: jnp.stack(found[at].rho)[:, None] * found[at].normals[:1] if at in found else none
         return jnp.stack([of(at) for at in CORNERS]).reshape(2, 2, 2, 3)
 
-    def _edge_maps(self, square: Square) -> Any:
+    def _edge_maps(self, ribbons: AbstractRibbons) -> Any:
         """Of the maps along u at both ends of v: the maps, and their changes by v; None where only one direction is bent."""
         if not (any(f is not None for f in self.fields[:2]) and any(f is not None for f in self.fields[2:])):
             return None
         ends = jnp.arange(2, dtype=self.dtype)
-        return jax.vmap(lambda end: value_and_slope(lambda t: self.line(square, 0, t).map(self.operator), end))(ends)
+        return jax.vmap(lambda end: value_and_slope(lambda t: self.line(ribbons, 0, t).map(self.operator), end))(ends)
 
-    def line(self, square: Square, axis: int, share: Float[Array, ""], maps: Any = None) -> "Line":
+    def line(self, ribbons: AbstractRibbons, axis: int, share: Float[Array, ""], maps: Any = None) -> "Line":
         """What F and H need of the line across axis 0 at a share of v, or across axis 1 at a share of u.
 
         maps: those that have bent the surface before, at both ends, and their changes across.
         """
-        points, slopes = square.ends(axis, share)
-        across, along = slopes[:, axis], slopes[:, 1 - axis]
+        points, across, along = ribbons.sides(axis, share)
         if maps is not None:
             move = lambda m, x: jax.jvp(lambda ready, y: ready(y, share), (m[0], x[0]), (m[1], x[1]))[1]
             across = jax.vmap(move)(maps, (points, across))
@@ -206,7 +211,7 @@ class HermiteSurface(AbstractSurface):
     """A `TangentSurface` by operator H: S less multiples of the given normals near each side."""
 
     whole: TangentSurface
-    surface: Any
+    ribbons: AbstractRibbons
     twists: Float[Array, "2 2 2 3"]
 
     @property
@@ -218,7 +223,7 @@ class HermiteSurface(AbstractSurface):
 
     def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
         s, t = self._shares(u, v)
-        total = self.surface.point(u, v)
+        total = self.whole.surface.point(u, v)
         for axis, (along, across) in enumerate(((t, s), (s, t))):
             for end, pull in self._pulls(axis, along).items():
                 total = total - hermite_weight(end, across) * pull
@@ -229,7 +234,7 @@ class HermiteSurface(AbstractSurface):
 
     def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
         s, t = self._shares(u, v)
-        total = self.surface.grid_points(u, v)
+        total = self.whole.surface.grid_points(u, v)
         for end, pull in jax.vmap(lambda y: self._pulls(0, y))(t).items():
             total = total - hermite_weight(end, s)[:, None, None] * pull[None]
         for end, pull in jax.vmap(lambda x: self._pulls(1, x))(s).items():
@@ -249,9 +254,9 @@ class HermiteSurface(AbstractSurface):
         """⟨S_x, M⟩ M on the sides across an axis that have fields."""
         if all(field is None for field in self.whole.fields[2 * axis : 2 * axis + 2]):
             return {}
-        _, slopes = Square(self.surface).ends(axis, share)
-        normals = self.whole.normals(axis, share, slopes[:, 1 - axis])
-        return {end: (slopes[end, axis] @ normal) * normal for end, normal in normals.items()}
+        _, across, along = self.ribbons.sides(axis, share)
+        normals = self.whole.normals(axis, share, along)
+        return {end: (across[end] @ normal) * normal for end, normal in normals.items()}
 
     def _gregory(self, s: Any, t: Any) -> tuple[Any, Any]:
         """How much ρ and ρ̃ count: ρ alone, or b : a where a = s(1 − s), b = t(1 − t), half each at corners."""
@@ -267,7 +272,7 @@ class ScaledSurface(AbstractSurface):
     """A `TangentSurface` by operator F, or its blend with H: lines along u are mapped, and then those along v."""
 
     whole: TangentSurface
-    surface: Any
+    ribbons: AbstractRibbons
     edge_maps: Any
 
     @property
@@ -281,7 +286,7 @@ class ScaledSurface(AbstractSurface):
         along_u, along_v = self.domain
         s, t = carried(u, along_u, (0.0, 1.0)), carried(v, along_v, (0.0, 1.0))
         along, across = self._map(0, t), self._map(1, s)
-        x = self.surface.point(u, v)
+        x = self.whole.surface.point(u, v)
         if along is not None:
             x = along(x, s)
         return x if across is None else across(x, t)
@@ -290,7 +295,7 @@ class ScaledSurface(AbstractSurface):
         along_u, along_v = self.domain
         s, t = carried(u, along_u, (0.0, 1.0)), carried(v, along_v, (0.0, 1.0))
         rows, columns = jax.vmap(lambda y: self._map(0, y))(t), jax.vmap(lambda x: self._map(1, x))(s)
-        total = self.surface.grid_points(u, v)
+        total = self.whole.surface.grid_points(u, v)
         if rows is not None:
             total = jax.vmap(lambda line, x: jax.vmap(lambda m, p: m(p, x))(rows, line))(total, s)
         if columns is not None:
@@ -299,7 +304,7 @@ class ScaledSurface(AbstractSurface):
 
     def line(self, axis: int, share: Float[Array, ""]) -> Line:
         """The line along u at a share of v, or that along v at a share of u on the surface that the first maps have made."""
-        return self.whole.line(Square(self.surface), axis, share, self.edge_maps if axis == 1 else None)
+        return self.whole.line(self.ribbons, axis, share, self.edge_maps if axis == 1 else None)
 
     def _map(self, axis: int, share: Float[Array, ""]) -> LineMap | None:
         """The map of a line, None where neither end has a field."""

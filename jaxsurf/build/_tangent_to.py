@@ -10,7 +10,8 @@ from .._arguments import as_type, early
 from .._array import eps, is_concrete
 from .._errors import GeometryWarning, InputError
 from ..surface import AbstractSurface
-from ._edge_fields import SIDES, as_edge_field
+from ._edge_fields import as_edge_field
+from ._ribbons import SIDES
 from ._tangency_facts import Corner, LineFacts, SideFacts, is_a_point, line_facts, outcome, predicted, side_facts
 from ._tangent_surface import OPERATORS, TangentSurface
 

@@ -74,6 +74,26 @@ def test_pieces_are_smooth_and_together_the_surface(creased):
     assert _angle(inside, np.asarray(js.normal(parts[1], u, np.full(9, float(c))))).max() > math.radians(1)
 
 
+def test_patches_of_a_network_are_split_at_the_creases_of_its_guides():
+    first, second = (js.CompositeCurve(pieces) for pieces in _pieces())
+    arch = lambda a, b: js.Arc.through(a, (a + b) / 2 + np.array([0, 0, 0.3]), b)
+    across = [arch(np.asarray(first(v)), np.asarray(second(v))) for v in (0.0, 0.5, 1.7)]
+    network = js.network([first, second], across)
+    assert len(network.patches) == 3  # the last one beyond the last character
+    parts = js.split_at_creases(network)
+    assert len(parts) == 4
+    assert [len(js.creases(part).parameters) for part in parts] == [0, 0, 0, 0]
+    ends = [np.asarray(part(0.0, part.domain[1][k])) for part in parts for k in (0, 1)]
+    np.testing.assert_allclose(ends[1:-1:2], ends[2::2], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(ends[3], first(1.0), rtol=0, atol=1e-12)
+
+
+def _pieces():
+    """Lines and arcs, C¹; the second bends out of the plane of the first."""
+    first = [js.Line([0.0, 0, 0], [2.0, 0, 0]), js.Arc([2.0, 0, 1], [2.0, 0, 0], [0, -1, 0], 1.0)]
+    return first, [js.Line([0.0, 1, 0], [2.0, 1, 0]), js.Line([2.0, 1, 0], [4.0, 1, 0])]
+
+
 def test_smooth_surfaces_have_no_crease_and_splines_are_split_exactly():
     net = np.stack(np.meshgrid(np.arange(4.0), np.arange(5.0), indexing="ij") + (np.zeros((4, 5)),), axis=-1)
     net[..., 2] = np.array([0, 0, 1, 0, 0])
