@@ -174,8 +174,10 @@ def _bent(
     for name, facts in sides.items():
         _check_side(name, facts, surface, allowed, sampled, operator)
     compatible = _compatible(corners, allowed)
+    # of the surface and its planes alone: one program whatever the operator
+    lines = early(line_facts, bent) if operator == "scaling" or (operator == "auto" and compatible) else {}
     if operator == "auto":
-        operator = "gregory" if not compatible else "scaling" if _fit_for_scaling(early(line_facts, bent)) else "hermite"
+        operator = "gregory" if not compatible else "scaling" if _fit_for_scaling(lines) else "hermite"
     elif not compatible and operator != "gregory":
         angle = max(float(np.max(x)) for x in early(predicted, bent, sides, corners).values())
         warnings.warn(
@@ -186,7 +188,7 @@ def _bent(
         )
     bent = TangentSurface(surface, fields, operator)
     if operator == "scaling":
-        _check_scaling(bent)
+        _check_scaling(bent, lines)
     return bent, sides, corners
 
 
@@ -288,9 +290,9 @@ def _fit_for_scaling(lines: dict[int, LineFacts]) -> bool:
     return all(bool(np.all(np.asarray(line.behave))) for line in lines.values())
 
 
-def _check_scaling(bent: TangentSurface) -> None:
+def _check_scaling(bent: TangentSurface, lines: dict[int, LineFacts]) -> None:
     """F is refused where its denominator vanishes on a line, or between two lines."""
-    for axis, line in early(line_facts, bent).items():
+    for axis, line in lines.items():
         for end in (0, 1):
             if bent.fields[2 * axis + end] is None:
                 continue
