@@ -1,6 +1,7 @@
 """Normals of the planes that a surface is to touch along a side."""
 
 import abc
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -29,6 +30,11 @@ class AbstractEdgeField(Preparable):
     @abc.abstractmethod
     def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
         """A normal of any length > 0, inside traced code."""
+
+    @property
+    def weight(self) -> Float[Array, ""] | None:
+        """0 where the side is left as it is, so that sides with and without planes have one structure; None counts as 1."""
+        return None
 
 
 @register
@@ -83,6 +89,35 @@ class PreparedEdgeField(AbstractEdgeField):
     def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
         (_, across), (along, _) = value_and_slope(self.ribbon.at, self.start + self.step * share)
         return self.sign * unit(jnp.cross(across, along))
+
+
+@register
+class SeamField(AbstractEdgeField):
+    """Polynomials one after another: Bernstein vectors (pieces, degree + 1, 3), shares (pieces + 1,), and a weight."""
+
+    vectors: Float[Array, "p d 3"]
+    shares: Float[Array, "q"]
+    held: Float[Array, ""]
+
+    @property
+    def weight(self) -> Float[Array, ""]:
+        return self.held
+
+    def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
+        if self.vectors.shape[0] == 1:
+            return bernstein(share, self.vectors.shape[1] - 1) @ self.vectors[0]
+        piece = jnp.sum(share > self.shares[1:-1])
+        first, last = self.shares[piece], self.shares[piece + 1]
+        return bernstein((share - first) / (last - first), self.vectors.shape[1] - 1) @ self.vectors[piece]
+
+
+def bernstein(t: Float[Array, "*n"], degree: int) -> Float[Array, "*n d"]:
+    """The Bernstein polynomials of a degree."""
+    up, down = [jnp.ones_like(t)], [jnp.ones_like(t)]
+    for _ in range(degree):
+        up.append(up[-1] * t)
+        down.append(down[-1] * (1 - t))
+    return jnp.stack([math.comb(degree, k) * up[k] * down[degree - k] for k in range(degree + 1)], axis=-1)
 
 
 @register

@@ -1,5 +1,7 @@
 """A network of guides and characters as patches that share their edges."""
 
+import dataclasses
+import math
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -8,18 +10,24 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._array import Numbers, as_float, concrete, float_type, is_concrete
+from .._arguments import early
+from .._array import Numbers, as_float, concrete, eps, float_type, is_concrete
 from .._errors import InputError
 from .._registry import register
 from .._safe import norm
 from ..curve import AbstractCurve
+from ..surface import AbstractSurface
 from ._blend import AbstractBlend
 from ._guides import Guides
 from ._network_crossings import FIRST, THERE, follow_crossings
 from ._network_curves import NetworkEdge, Stacks, stacked, structures, wrapped
-from ._network_topology import NetworkTopology, form
+from ._network_topology import SIDES, NetworkTopology, form
 from ._rotation import AbstractRotation
+from ._seam_fields import SeamClass, SeamFacts, bent_patches, seam_classes
+from ._seams import Seams, seams_of
 from ._sweep import Sweep
+
+_PLANE = 1e-6  # radians between curves and the plane of their node
 
 
 class InnerEdge(NamedTuple):
@@ -105,6 +113,7 @@ class Network(eqx.Module):
     rotations: tuple[AbstractRotation, AbstractRotation]
     blend: AbstractBlend
     scale: str = eqx.field(static=True)
+    order: int = eqx.field(static=True, default=0)
 
     @property
     def dtype(self) -> Any:
@@ -112,13 +121,13 @@ class Network(eqx.Module):
         return float_type((self.guides, self.characters))
 
     @property
-    def patches(self) -> tuple[Sweep, ...]:
-        """The patches, each a `Sweep` on [0, 1] × [0, 1]; computed anew at each call."""
+    def patches(self) -> tuple[AbstractSurface, ...]:
+        """The patches on [0, 1] × [0, 1], each a `Sweep`, or one bent to the common planes; computed anew at each call."""
         found: list[Any] = [None] * len(self.topology.cells)
-        for kind, together in zip(_classes(self), stacked_patches(self), strict=True):
+        for members, together in zip(_members(self), stacked_patches(self), strict=True):
             if is_concrete(together):
                 together = jax.tree.map(lambda leaf: concrete(leaf) if eqx.is_array(leaf) else leaf, together)
-            for row, patch in enumerate(kind.members):
+            for row, patch in enumerate(members):
                 pick = lambda leaf, row=row: jnp.asarray(leaf[row]) if eqx.is_array(leaf) else leaf
                 found[patch] = jax.tree.map(pick, together)
         return tuple(found)
@@ -138,6 +147,21 @@ class Network(eqx.Module):
         if u.ndim != 1 or v.ndim != 1:
             raise InputError(f"`u` and `v` of a grid must be one-dimensional, got shapes {u.shape} and {v.shape}.")
         return _grid(self, u, v)
+
+    def smooth(self) -> "Network":
+        """The network with patches that have common tangent planes along all inner edges, G1 by construction.
+
+        Curves stay; where a part of the rim is no curve of the network it may move. Each inner edge carries one field of
+        normals that both its patches take: a polynomial near the mean of their normals, whose slopes at nodes fit the
+        curvatures of the curves, and whose free numbers let the patches move and bend least. Patches are bent by operator H
+        in Gregory's form, which needs no condition at corners; where the conditions hold it is H. A pure function of
+        `guides` and `characters` as before. Raises `InputError` where no plane holds the tangents of the curves at a node.
+        Source: Jōnishi, Yajima (paper 000), sections 4 and 5; Peters, the vertex enclosure condition, for nodes.
+        """
+        smoothed = dataclasses.replace(self, order=1)
+        if is_concrete(smoothed):
+            _check_planes(smoothed)
+        return smoothed
 
     def inner_edges(self) -> tuple[InnerEdge, ...]:
         """Edges that two patches share."""
@@ -280,11 +304,47 @@ def _patch(network: Network, kind: PatchClass, stacks: Stacks, nodes: _Nodes, me
 
 def stacked_patches(network: Network) -> list[Any]:
     """The patches of each structure, with all their arrays stacked."""
+    if network.order:
+        return _bent(network)[0]
     return _stacked_patches(network, _nodes_of(network))
 
 
+def _members(network: Network) -> list[tuple[int, ...]]:
+    """The numbers of the patches of each structure."""
+    kinds = _classes(network)
+    return [kind.members for kind in (seam_classes(seams_of(network.topology), kinds) if network.order else kinds)]
+
+
 def _grid(network: Network, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "p m k 3"]:
-    return _grid_of_patches(network, _nodes_of(network), u, v)
+    if not network.order:
+        return _grid_of_patches(network, _nodes_of(network), u, v)
+    order = np.argsort(np.concatenate(_members(network)))
+    return _grid_of_stacks(stacked_patches(network), u, v)[order]
+
+
+def _bent(network: Network) -> tuple[list[Any], SeamFacts]:
+    nodes = _nodes_of(network)
+    return _bent_patches(network, nodes, _stacked_patches(network, nodes))
+
+
+def _check_planes(network: Network) -> None:
+    """Refuse nodes whose curves have no common tangent plane."""
+    seams = seams_of(network.topology)
+    off = concrete(early(_facts, network).off).astype(np.float64)
+    allowed = max(_PLANE, 1e3 * eps(network.dtype))
+    if not len(off) or not off.max() > allowed:
+        return
+    end = int(off.argmax())
+    (patch, side), *_ = seams.edges[end // 2].sides
+    run = network.topology.sides(patch)[side]
+    assert run is not None
+    curve, count = run[0], network.topology.guides
+    name = f"`guides[{curve}]`" if curve < count else f"`characters[{curve - count}]`"
+    raise InputError(
+        f"A smooth network needs a plane at each node that holds the tangents of all curves there; {name} is off it by "
+        f"{math.degrees(math.asin(min(1, off[end]))):.3g}° at an end of side {side} of patch {patch}; turn its tangent, or "
+        "leave the network as it is."
+    )
 
 
 # compiled apart from what evaluates patches, once for all of it
@@ -315,6 +375,43 @@ def _grid_of_patches(network: Network, nodes: _Nodes, u: Float[Array, "m"], v: F
 
 
 @eqx.filter_jit
+def _grid_of_stacks(stacks: list[Any], u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "p m k 3"]:
+    points = eqx.filter_vmap(lambda patch: patch.prepared().grid_points(u, v))
+    return jnp.concatenate([points(stack) for stack in stacks])
+
+
+@eqx.filter_jit
+def _bent_patches(network: Network, nodes: _Nodes, sweeps: list[Any]) -> tuple[list[Any], SeamFacts]:
+    seams = seams_of(network.topology)
+    classes = seam_classes(seams, _classes(network))
+    return bent_patches(seams, classes, sweeps, _seam_parts(network, nodes, seams, classes))
+
+
+def _facts(network: Network) -> SeamFacts:
+    return _bent(network)[1]
+
+
+def _seam_parts(network: Network, nodes: _Nodes, seams: Seams, classes: list[SeamClass]) -> list[Any]:
+    """For each class, and each side, the shares where its parts begin and end, (patches, p + 1)."""
+    made, whole = [], np.array([0.0, 1.0])
+    for kind in classes:
+        sides = []
+        for side in SIDES:
+            rows = []
+            for patch in kind.members:
+                pieces = seams.pieces.get((patch, side), ())
+                if len(pieces) < 2:
+                    rows.append(jnp.asarray(whole, network.dtype))
+                    continue
+                found = _parts(network, [((patch, side), piece.positions) for piece in pieces], nodes.ends[..., 0])
+                inside = [jnp.asarray(last, network.dtype) for _, last in found[:-1]]
+                rows.append(jnp.stack([jnp.zeros((), network.dtype), *inside, jnp.ones((), network.dtype)]))
+            sides.append(jnp.stack(rows))
+        made.append(tuple(sides))
+    return made
+
+
+@eqx.filter_jit
 def _gaps(network: Network) -> tuple[Float[Array, "x 2"], Float[Array, "x"]]:
     topology = network.topology
     stacks = stacked(_curves(network), topology.closed)
@@ -333,10 +430,12 @@ def _gaps(network: Network) -> tuple[Float[Array, "x 2"], Float[Array, "x"]]:
     return places, norm(ends[:, 0] - ends[:, 1])
 
 
-def _parts(network: Network, wanted: list[tuple[tuple[int, str], tuple[int, int]]]) -> list[tuple[Any, Any]]:
-    """Parts of sides, given by positions on their runs, as shares."""
+def _parts(
+    network: Network, wanted: list[tuple[tuple[int, str], tuple[int, int]]], table: Any = None
+) -> list[tuple[Any, Any]]:
+    """Parts of sides, given by positions on their runs, as shares; table: the ends of runs, if they are at hand."""
     topology = network.topology
-    table, parts, width = None, [], _width(topology)
+    parts, width = [], _width(topology)
     for (patch, side), (a, b) in wanted:
         run = topology.sides(patch)[side]
         assert run is not None

@@ -15,7 +15,8 @@ from ..curve._breaks import breaks as curve_breaks
 from ..surface import AbstractSurface
 from ..surface._breaks import breaks
 from ._blend import AbstractBlend
-from ._guides import Guides, Station, carried, join_breaks
+from ._guides import Guides, Station, carried, join_breaks, value_and_slope
+from ._ribbons import AbstractRibbons, Pair, ribbons_of
 from ._rotation import AbstractRotation
 
 
@@ -91,6 +92,10 @@ class _Row(eqx.Module):
     origin: Float[Array, "3"]
     matrices: tuple[Float[Array, "3 3"], ...]
 
+    def __call__(self, offsets: list[Float[Array, "3"]]) -> Float[Array, "3"]:
+        """The point with these offsets of the characters."""
+        return sum((m @ d for m, d in zip(self.matrices, offsets, strict=True)), self.origin)
+
 
 class PreparedSweep(AbstractSurface):
     """A `Sweep` with its curves prepared and its starts computed."""
@@ -108,19 +113,18 @@ class PreparedSweep(AbstractSurface):
         return self
 
     def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
-        row = self._row(v)
-        return sum((m @ d for m, d in zip(row.matrices, self._offsets(u), strict=True)), row.origin)
+        return self.row(v)(self.offsets(u))
 
     def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
-        rows = jax.vmap(self._row)(v)
+        rows = jax.vmap(self.row)(v)
         total = jnp.broadcast_to(rows.origin[None], (u.shape[0], *rows.origin.shape))
-        for matrix, offset in zip(rows.matrices, jax.vmap(self._offsets)(u), strict=True):
+        for matrix, offset in zip(rows.matrices, jax.vmap(self.offsets)(u), strict=True):
             # by coordinates: the compiler makes one loop over the points of it
             for i in range(3):
                 total = total + offset[:, i, None, None] * matrix[None, :, :, i]
         return total
 
-    def _offsets(self, u: Float[Array, ""]) -> list[Float[Array, "3"]]:
+    def offsets(self, u: Float[Array, ""]) -> list[Float[Array, "3"]]:
         """C(u) − anchor of each character, its ends on the guides."""
         a, b = self.domain[0]
         found = []
@@ -129,7 +133,8 @@ class PreparedSweep(AbstractSurface):
             found.append(offset if start.lacks is None else offset + (u - a) / (b - a) * start.lacks)
         return found
 
-    def _row(self, v: Float[Array, ""]) -> _Row:
+    def row(self, v: Float[Array, ""]) -> _Row:
+        """What a row of constant v needs."""
         here = self.guides.at(v)
         matrices = [self._matrix(start, here) for start in self.starts]
         if len(matrices) == 2:
@@ -146,6 +151,30 @@ class PreparedSweep(AbstractSurface):
             return ratio * turn
         stretched = (ratio - 1) * (turn @ start.chord_direction)
         return turn + stretched[:, None] * start.chord_direction[None, :]
+
+
+class _SweepRibbons(AbstractRibbons):
+    """Rows at both ends of v with their slopes, and offsets at both ends of u with theirs: known for all shares."""
+
+    sweep: PreparedSweep
+    rows: tuple[_Row, _Row]
+    offsets: tuple[list[Float[Array, "2 3"]], list[Float[Array, "2 3"]]]
+
+    def at(self, axis: int, share: Float[Array, ""]) -> Pair:
+        if axis == 0:
+            row = self.sweep.row(carried(share, (0.0, 1.0), self.sweep.domain[1]))
+            points = jax.vmap(row)(self.offsets[0])
+            return points, jax.vmap(eqx.tree_at(lambda r: r.origin, row, jnp.zeros_like(row.origin)))(self.offsets[1])
+        here = self.sweep.offsets(carried(share, (0.0, 1.0), self.sweep.domain[0]))
+        points, across = (jax.vmap(lambda row: row(here))(rows) for rows in self.rows)
+        return points, across
+
+
+@ribbons_of.register
+def _(surface: PreparedSweep) -> AbstractRibbons:
+    ends = jnp.arange(2, dtype=surface.dtype)
+    both = lambda f, domain: jax.vmap(lambda t: value_and_slope(lambda x: f(carried(x, (0.0, 1.0), domain)), t))(ends)
+    return _SweepRibbons(surface, both(surface.row, surface.domain[1]), both(surface.offsets, surface.domain[0]))
 
 
 @breaks.register(Sweep)

@@ -128,7 +128,8 @@ class TangentSurface(AbstractSurface):
         found = self.corners(ribbons)
         none = jnp.zeros((2, 3), self.dtype)
         of = lambda at: jnp.stack(found[at].rho)[:, None] * found[at].normals[:1] if at in found else none
-        return jnp.stack([of(at) for at in CORNERS]).reshape(2, 2, 2, 3)
+        twists = {(i, j): _weighted(of((i, j)), self.fields[i], self.fields[2 + j]) for i, j in CORNERS}
+        return jnp.stack([twists[at] for at in CORNERS]).reshape(2, 2, 2, 3)
 
     def _edge_maps(self, ribbons: AbstractRibbons) -> Any:
         """Of the maps along u at both ends of v: the maps, and their changes by v; None where only one direction is bent."""
@@ -256,7 +257,8 @@ class HermiteSurface(AbstractSurface):
             return {}
         _, across, along = self.ribbons.sides(axis, share)
         normals = self.whole.normals(axis, share, along)
-        return {end: (across[end] @ normal) * normal for end, normal in normals.items()}
+        pull = lambda end, normal: _weighted((across[end] @ normal) * normal, self.whole.fields[2 * axis + end])
+        return {end: pull(end, normal) for end, normal in normals.items()}
 
     def _gregory(self, s: Any, t: Any) -> tuple[Any, Any]:
         """How much ρ and ρ̃ count: ρ alone, or b : a where a = s(1 − s), b = t(1 − t), half each at corners."""
@@ -311,6 +313,13 @@ class ScaledSurface(AbstractSurface):
         if all(field is None for field in self.whole.fields[2 * axis : 2 * axis + 2]):
             return None
         return self.line(axis, share).map(self.whole.operator)
+
+
+def _weighted(x: Any, *fields: AbstractEdgeField | None) -> Any:
+    """x times the weights of fields."""
+    for field in fields:
+        x = x if field is None or field.weight is None else field.weight * x
+    return x
 
 
 def _bracket(m: Float[Array, "3"], x: Float[Array, "3"], e: Float[Array, "3"]) -> Float[Array, "3"]:
