@@ -1,7 +1,6 @@
 """A network of guides and characters as patches that share their edges."""
 
 import dataclasses
-import math
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -21,58 +20,14 @@ from ._blend import AbstractBlend
 from ._guides import Guides
 from ._network_crossings import FIRST, THERE, follow_crossings
 from ._network_curves import NetworkEdge, Stacks, stacked, structures, wrapped
+from ._network_elements import Gap, InnerEdge, NetworkNode, OuterEdge, nodes_of
 from ._network_topology import SIDES, NetworkTopology, form
 from ._rotation import AbstractRotation
 from ._seam_fields import SeamClass, SeamFacts, bent_patches, seam_classes
-from ._seams import Seams, seams_of
+from ._seams import Seams, refuse_bent_nodes, seams_of
 from ._sweep import Sweep
 
 _PLANE = 1e-6  # radians between curves and the plane of their node
-
-
-class InnerEdge(NamedTuple):
-    """An edge that two patches share: (patch, side) of both, side "u0", "u1", "v0" or "v1".
-
-    reversed: whether the sides' parameters run in opposite directions. first_part, second_part: from where to where on each
-    side it runs, in the first side's direction: (0, 1) and, reversed, (1, 0), but where a curve ends amid a longer side.
-    """
-
-    first: tuple[int, str]
-    second: tuple[int, str]
-    reversed: bool
-    first_part: tuple[float, float]
-    second_part: tuple[float, float]
-
-
-class OuterEdge(NamedTuple):
-    """An edge of one patch alone: patch, side, which part of it, and whether a curve was given there."""
-
-    patch: int
-    side: str
-    part: tuple[float, float]
-    given: bool
-
-
-class NetworkNode(NamedTuple):
-    """Where curves meet. valence: parts of curves that leave it and bound patches; inner: patches all round.
-
-    corners: (patch, (i, j)), corner u = i, v = j; sides: (patch, side) of patches for which it lies amid a side.
-    """
-
-    point: Float[Array, "3"]
-    valence: int
-    inner: bool
-    corners: tuple[tuple[int, tuple[int, int]], ...]
-    sides: tuple[tuple[int, str], ...]
-
-
-class Gap(NamedTuple):
-    """A crossing: numbers of the guide and of the character, their parameters, and how far apart they are there."""
-
-    guide: int
-    character: int
-    parameters: tuple[float, float]
-    distance: float
 
 
 class PatchClass(NamedTuple):
@@ -155,12 +110,13 @@ class Network(eqx.Module):
         normals that both its patches take: a polynomial near the mean of their normals, whose slopes at nodes fit the
         curvatures of the curves, and whose free numbers let the patches move and bend least. Patches are bent by operator H
         in Gregory's form, which needs no condition at corners; where the conditions hold it is H. A pure function of
-        `guides` and `characters` as before. Raises `InputError` where no plane holds the tangents of the curves at a node.
+        `guides` and `characters` as before. Raises `InputError` where no plane holds the tangents of inner edges at a node.
         Source: Jōnishi, Yajima (paper 000), sections 4 and 5; Peters, the vertex enclosure condition, for nodes.
         """
         smoothed = dataclasses.replace(self, order=1)
         if is_concrete(smoothed):
-            _check_planes(smoothed)
+            off = concrete(early(_facts, smoothed).off)
+            refuse_bent_nodes(self.topology, off.astype(np.float64), max(_PLANE, 1e3 * eps(self.dtype)))
         return smoothed
 
     def inner_edges(self) -> tuple[InnerEdge, ...]:
@@ -182,7 +138,7 @@ class Network(eqx.Module):
     @property
     def nodes(self) -> tuple[NetworkNode, ...]:
         """The nodes, with what lies about them."""
-        return _nodes(self)
+        return nodes_of(self.topology, _nodes_of(self).points)
 
     @property
     def gaps(self) -> tuple[Gap, ...]:
@@ -327,26 +283,6 @@ def _bent(network: Network) -> tuple[list[Any], SeamFacts]:
     return _bent_patches(network, nodes, _stacked_patches(network, nodes))
 
 
-def _check_planes(network: Network) -> None:
-    """Refuse nodes whose curves have no common tangent plane."""
-    seams = seams_of(network.topology)
-    off = concrete(early(_facts, network).off).astype(np.float64)
-    allowed = max(_PLANE, 1e3 * eps(network.dtype))
-    if not len(off) or not off.max() > allowed:
-        return
-    end = int(off.argmax())
-    (patch, side), *_ = seams.edges[end // 2].sides
-    run = network.topology.sides(patch)[side]
-    assert run is not None
-    curve, count = run[0], network.topology.guides
-    name = f"`guides[{curve}]`" if curve < count else f"`characters[{curve - count}]`"
-    raise InputError(
-        f"A smooth network needs a plane at each node that holds the tangents of all curves there; {name} is off it by "
-        f"{math.degrees(math.asin(min(1, off[end]))):.3g}° at an end of side {side} of patch {patch}; turn its tangent, or "
-        "leave the network as it is."
-    )
-
-
 # compiled apart from what evaluates patches, once for all of it
 @eqx.filter_jit
 def _nodes_of(network: Network) -> _Nodes:
@@ -450,41 +386,3 @@ def _parts(
         shares = [(x - t[0]) / (t[1] - t[0]) for x in t[2:]]
         parts.append(tuple(float(s) if isinstance(s, np.floating) else s for s in shares))
     return parts
-
-
-def _nodes(network: Network) -> tuple[NetworkNode, ...]:
-    topology = network.topology
-    corners: list[dict[Any, None]] = [{} for _ in range(topology.nodes)]
-    amid: list[dict[Any, None]] = [{} for _ in range(topology.nodes)]
-    for patch in range(len(topology.cells)):
-        for side, run in topology.sides(patch).items():
-            if run is None:
-                continue
-            curve, a, b = run
-            way = 1 if b > a else -1
-            for position in range(a, b + way, way):
-                node = topology.node(curve, position)
-                if node is None:
-                    continue
-                if position not in (a, b):
-                    amid[node][patch, side] = None
-                    continue
-                end, fixed = int(position == b), int(side[1])
-                corners[node][patch, (fixed, end) if side[0] == "u" else (end, fixed)] = None
-    touching = [0] * topology.nodes
-    rim = [False] * topology.nodes
-    for edge in topology.edges():
-        if not edge.positions:
-            continue
-        patch, side = edge.sides[0]
-        run = topology.sides(patch)[side]
-        assert run is not None
-        (a, b), curve = edge.positions[0], run[0]
-        for position in range(min(a, b), max(a, b) + 1):
-            node = topology.node(curve, position)
-            if node is not None:
-                touching[node] += 1 if position in (a, b) else 2
-                rim[node] |= len(edge.sides) == 1
-    points = _nodes_of(network).points
-    used = [k for k in range(topology.nodes) if corners[k] or amid[k]]
-    return tuple(NetworkNode(points[k], touching[k], not rim[k], tuple(corners[k]), tuple(amid[k])) for k in used)

@@ -1,7 +1,5 @@
 """Common normals along the seams of a network, fair and such that the planes of each patch fit at its corners."""
 
-import math
-from functools import cache
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -13,12 +11,10 @@ from jaxtyping import Array, Float
 from .._safe import divide, norm, unit
 from ._edge_fields import SeamField, bernstein
 from ._ribbons import CORNERS, SIDES, ribbons_of
+from ._seam_polynomials import DEGREE, GAUSS, NODES, chebyshev, fairness_tables, gauss, tables
 from ._seams import Seams
 from ._tangent_surface import TangentSurface
 
-_NODES = 7  # Chebyshev-Lobatto places where the mean normal is taken
-_DEGREE = 7
-_GAUSS = 12
 _NEAR = 400.0  # weight of |D|², next to |D_uu|² + 2 |D_uv|² + |D_vv|², on patches of unit size
 
 
@@ -97,7 +93,7 @@ def bent_patches(seams: Seams, classes: list[SeamClass], sweeps: list[Any], part
     normals = _node_normals(seams, classes, reads)
     ends, b, tangent, off = _along(seams, classes, reads, normals)
     lengths = norm(tangent[:, [0, -1]])
-    slopes = jnp.einsum("ek,nkx->nex", jnp.asarray(_tables().slopes, ends.dtype), ends, precision="highest")
+    slopes = jnp.einsum("ek,nkx->nex", jnp.asarray(tables().slopes, ends.dtype), ends, precision="highest")
     turning = jnp.sum(slopes * b[:, [0, 2]], axis=-1)
     matrix, inverse, free = (jnp.asarray(x, ends.dtype) for x in seams.equations())
     wanted = _wanted(seams, classes, reads)
@@ -105,8 +101,8 @@ def bent_patches(seams: Seams, classes: list[SeamClass], sweeps: list[Any], part
     x = x - inverse @ (matrix @ x - wanted)
     lacks = matrix @ x - wanted
     start = jnp.concatenate([lengths * x.reshape(-1, 2) - turning, jnp.zeros_like(turning)], axis=1)
-    base = jnp.einsum("dk,nkx->ndx", jnp.asarray(_tables().through, ends.dtype), ends, precision="highest")
-    bends = jnp.einsum("aqd,nqx->nadx", jnp.asarray(_tables().bends, ends.dtype), b, precision="highest")
+    base = jnp.einsum("dk,nkx->ndx", jnp.asarray(tables().through, ends.dtype), ends, precision="highest")
+    bends = jnp.einsum("aqd,nqx->nadx", jnp.asarray(tables().bends, ends.dtype), b, precision="highest")
     count = len(seams.edges)
     to_slopes = (lengths.reshape(-1)[:, None] * free).reshape(count, 2, -1)
     into = jnp.zeros((count, 4, free.shape[1] + 2 * count), ends.dtype)
@@ -133,65 +129,12 @@ def bent_patches(seams: Seams, classes: list[SeamClass], sweeps: list[Any], part
 
     chosen, _ = jax.lax.scan(better, start, None, length=2)
     vectors = base + jnp.einsum("na,nadx->ndx", chosen, bends, precision="highest")
-    made = [
-        TangentSurface(jax.tree.map(_rows(kind.rows), sweeps[kind.kind]), _fields(kind, read, at, vectors, ends), "gregory")
-        for kind, read, at in zip(classes, reads, parts, strict=True)
-    ]
+    made = []
+    for kind, read, at in zip(classes, reads, parts, strict=True):
+        bend = lambda sweep, fields: TangentSurface(sweep, tuple(SeamField(*field) for field in fields), "gregory")
+        own = jax.tree.map(_rows(kind.rows), sweeps[kind.kind])
+        made.append(eqx.filter_vmap(bend)(own, _fields(kind, read, at, vectors, ends)))
     return made, SeamFacts(off, lacks)
-
-
-class _Tables(NamedTuple):
-    """Static matrices: slopes of the polynomial through values at the Chebyshev places, at both ends (2, k); its Bernstein
-    coefficients (d, k); those of the four bends times the quadratics through three places (4, 3, d)."""
-
-    slopes: np.ndarray
-    through: np.ndarray
-    bends: np.ndarray
-
-
-@cache
-def _chebyshev() -> np.ndarray:
-    return 0.5 - 0.5 * np.cos(math.pi * np.arange(_NODES) / (_NODES - 1))
-
-
-@cache
-def _gauss() -> tuple[np.ndarray, np.ndarray]:
-    nodes, weights = np.polynomial.legendre.leggauss(_GAUSS)
-    return (1 + nodes) / 2, weights / 2
-
-
-@cache
-def _tables() -> _Tables:
-    places = _chebyshev()
-    cardinal = [
-        np.polynomial.Polynomial.fit(places, row, _NODES - 1, domain=[0, 1], window=[0, 1]) for row in np.eye(_NODES)
-    ]
-    slopes = np.array([[p.deriv()(end) for p in cardinal] for end in (0.0, 1.0)])
-    quadratic = [np.polynomial.Polynomial.fit([0, 0.5, 1], row, 2, domain=[0, 1], window=[0, 1]) for row in np.eye(3)]
-    t = np.polynomial.Polynomial([0, 1], domain=[0, 1], window=[0, 1])
-    bends = [t * (1 - t) ** 2, t**2 * (t - 1), 16 * t**2 * (1 - t) ** 2, 16 * t**2 * (1 - t) ** 2 * (2 * t - 1)]
-    even = np.linspace(0, 1, _DEGREE + 1)
-    basis = np.array([[math.comb(_DEGREE, k) * x**k * (1 - x) ** (_DEGREE - k) for k in range(_DEGREE + 1)] for x in even])
-    to_bernstein = lambda p: np.linalg.solve(basis, p(even))
-    through = np.stack([to_bernstein(p) for p in cardinal], axis=1)
-    return _Tables(slopes, through, np.array([[to_bernstein(f * q) for q in quadratic] for f in bends]))
-
-
-@cache
-def _fairness_tables() -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives 0, 1, 2 at the Gauss places: of the weights w₀, w₁ (3, 2, g), and of values there (3, g, g), by the
-    polynomial of degree 7 that fits them."""
-    g, _ = _gauss()
-    t = np.polynomial.Polynomial([0, 1], domain=[0, 1], window=[0, 1])
-    weights = [t * (1 - t) ** 2, t**2 * (t - 1)]
-    bent = np.array([[p(g), p.deriv()(g), p.deriv(2)(g)] for p in weights])
-    powers = np.polynomial.chebyshev.chebvander(2 * g - 1, _DEGREE)
-    of = lambda order: (
-        2.0**order
-        * np.polynomial.chebyshev.chebval(2 * g - 1, np.polynomial.chebyshev.chebder(np.eye(_DEGREE + 1), order)).T
-    )
-    fit = np.linalg.pinv(powers)
-    return np.swapaxes(bent, 0, 1), np.stack([np.eye(_GAUSS), of(1) @ fit, of(2) @ fit])
 
 
 def _rows(rows: np.ndarray) -> Any:
@@ -200,7 +143,7 @@ def _rows(rows: np.ndarray) -> Any:
 
 def _read(sweeps: Any, kind: SeamClass, parts: Any) -> Read:
     """The sides of the patches of a class."""
-    places = jnp.asarray(np.concatenate([_gauss()[0], _chebyshev()]), sweeps.dtype)
+    places = jnp.asarray(np.concatenate([gauss()[0], chebyshev()]), sweeps.dtype)
 
     def one(sweep: Any, at: Any) -> Read:
         ribbons = ribbons_of(sweep.prepared())
@@ -210,7 +153,7 @@ def _read(sweeps: Any, kind: SeamClass, parts: Any) -> Read:
             for side in (2 * axis, 2 * axis + 1):
                 if kind.counts[side] > 1:
                     first, last = at[side][:-1, None], at[side][1:, None]
-                    shares.append((first + (last - first) * places[_GAUSS:]).reshape(-1))
+                    shares.append((first + (last - first) * places[GAUSS:]).reshape(-1))
             _, across, along = jax.vmap(lambda t, axis=axis: ribbons.sides(axis, t))(jnp.concatenate(shares))
             own = jnp.cross(across, along) if axis == 0 else jnp.cross(along, across)
             found.append((across, along, unit(own)))
@@ -222,10 +165,10 @@ def _read(sweeps: Any, kind: SeamClass, parts: Any) -> Read:
 
 def _columns(kind: SeamClass, side: int, part: int) -> np.ndarray:
     """Where the Chebyshev places of a part of a side are among the shares read."""
-    start = _GAUSS
+    start = GAUSS
     if kind.counts[side] > 1:
-        start += _NODES * (1 + part + (kind.counts[side - 1] if side % 2 and kind.counts[side - 1] > 1 else 0))
-    return start + np.arange(_NODES)
+        start += NODES * (1 + part + (kind.counts[side - 1] if side % 2 and kind.counts[side - 1] > 1 else 0))
+    return start + np.arange(NODES)
 
 
 def _by_patch(classes: list[SeamClass], of: Any) -> Array:
@@ -264,7 +207,7 @@ def _along(seams: Seams, classes: list[SeamClass], reads: list[Read], normals: A
     at_ends = jnp.where(jnp.sum(at_ends * beside, axis=-1, keepdims=True) < 0, -at_ends, at_ends)
     mean = mean.at[:, [0, -1]].set(at_ends)
     tangent = along[:, 0]
-    middle = (_NODES - 1) // 2
+    middle = (NODES - 1) // 2
     direction = unit(tangent)
     b = jnp.cross(mean[:, [0, middle, -1]], direction[:, [0, middle, -1]])
     off = jnp.abs(jnp.sum(at_ends * direction[:, [0, -1]], axis=-1)).reshape(-1)
@@ -272,10 +215,10 @@ def _along(seams: Seams, classes: list[SeamClass], reads: list[Read], normals: A
 
 
 def _gathered(seams: Seams, classes: list[SeamClass], values: list[Any]) -> Float[Array, "s 2 k 3"]:
-    """Values at the Chebyshev places of every seam as its first and its second patch have them, in its direction; the sign of
-    those along is that of their own side. A seam of one patch has that one's twice."""
+    """Values at the Chebyshev places of every seam as its first and its second patch have them, in its direction; those
+    along have the sign of their own side. A seam of one patch has that one's twice."""
     table = jnp.concatenate([values[c][axis].reshape(-1, 3) for c in range(len(classes)) for axis in (0, 1)])
-    index = np.full((len(seams.edges), 2, _NODES), -1)
+    index = np.full((len(seams.edges), 2, NODES), -1)
     start = 0
     for number, kind in enumerate(classes):
         for axis in (0, 1):
@@ -314,11 +257,11 @@ def _fairness(
 ) -> tuple[Array, Array]:
     """Square matrices and right sides, per patch, of ∬ |D_uu|² + 2 |D_uv|² + |D_vv|² + 400 |D|², D what H does to it, over
     the four numbers of each seam about it, at the present ones."""
-    g, quadrature = (np.asarray(x) for x in _gauss())
+    g, quadrature = (np.asarray(x) for x in gauss())
     sides = kind.sides
     turning, lengths = known
     slots = len(sides)
-    bent, derive = (jnp.asarray(x, base.dtype) for x in _fairness_tables())
+    bent, derive = (jnp.asarray(x, base.dtype) for x in fairness_tables())
 
     def side_terms(side: int, across: Array, along: Array, at: Array, seams: Array, turned: Array) -> tuple[Array, Array]:
         """⟨X, M⟩ M at the Gauss places (g, 3), and its derivatives (g, p, 4, 3)."""
@@ -327,7 +270,8 @@ def _fairness(
         piece = jnp.sum(places[:, None] > at[None, 1:count], axis=1)
         share = (places[:, None] - at[None, :count]) / (at[None, 1 : count + 1] - at[None, :count])
         share = jnp.where(turned[None, :], 1 - share, share)
-        weights = bernstein(share, _DEGREE) * (piece[:, None] == np.arange(count)[None, :])[..., None]
+        inside = (piece[:, None] == np.arange(count)[None, :])[..., None]
+        weights = jnp.where(inside, bernstein(share, DEGREE), 0)
         vectors = base[seams] + jnp.einsum("pa,padx->pdx", chosen[seams], bends[seams], precision="highest")
         m = jnp.einsum("gpd,pdx->gx", weights, vectors, precision="highest")
         by = jnp.einsum("gpd,padx->gpax", weights, bends[seams], precision="highest")
@@ -341,17 +285,17 @@ def _fairness(
         return value, jnp.einsum("gyx,gpax->gpay", jax.vmap(jax.jacfwd(pulled))(m, across, along), by, precision="highest")
 
     def one(read: Read, at: Any, seams: Array, turned: Array, held: Array) -> tuple[Array, Array]:
-        columns = jnp.zeros((4, _GAUSS, 3, slots, 4), base.dtype)
+        columns = jnp.zeros((4, GAUSS, 3, slots, 4), base.dtype)
         values = []
         for side in range(4):
             own = np.flatnonzero(sides == side)
             axis, end = divmod(side, 2)
             value, by = side_terms(
-                side, read.across[axis][:_GAUSS, end], read.along[axis][:_GAUSS, end], at[side], seams[own], turned[own]
+                side, read.across[axis][:GAUSS, end], read.along[axis][:GAUSS, end], at[side], seams[own], turned[own]
             )
             values.append(held[side] * value)
             columns = columns.at[side, :, :, own].set(held[side] * jnp.transpose(by, (1, 0, 3, 2)))
-        pulls = jnp.concatenate([jnp.stack(values)[..., None], columns.reshape(4, _GAUSS, 3, -1)], axis=-1)
+        pulls = jnp.concatenate([jnp.stack(values)[..., None], columns.reshape(4, GAUSS, 3, -1)], axis=-1)
         corners = _corner_terms(kind, read, seams, turned, held, chosen, turning, lengths)
         weight = jnp.asarray(quadrature, base.dtype)
         size = jnp.mean(norm(read.first), axis=(0, 1))
@@ -396,10 +340,10 @@ def _corner_terms(
     return total
 
 
-def _fields(kind: SeamClass, read: Read, parts: Any, vectors: Array, mean: Array) -> tuple[SeamField, ...]:
-    """The fields of the four sides of each patch, on the side of its own normals."""
+def _fields(kind: SeamClass, read: Read, parts: Any, vectors: Array, mean: Array) -> tuple[Any, ...]:
+    """What makes the fields of the four sides of each patch, on the side of its own normals."""
     starts = np.concatenate([[0], np.cumsum(kind.counts)])
-    middle, found = (_NODES - 1) // 2, []
+    middle, found = (NODES - 1) // 2, []
     for side in range(4):
         axis, end = divmod(side, 2)
         pieces = []
@@ -410,5 +354,5 @@ def _fields(kind: SeamClass, read: Read, parts: Any, vectors: Array, mean: Array
             piece = there[:, None, None] * vectors[seam]
             pieces.append(jnp.where(turned[:, None, None], piece[:, ::-1], piece))
         held = jnp.asarray(kind.held[:, side], vectors.dtype)
-        found.append(SeamField(jnp.stack(pieces, axis=1), jnp.asarray(parts[side], vectors.dtype), held))
+        found.append((jnp.stack(pieces, axis=1), jnp.asarray(parts[side], vectors.dtype), held))
     return tuple(found)

@@ -1,11 +1,13 @@
 """How fields of normals along the edges of a network hang together at its nodes. Static: numbers only."""
 
+import math
 from collections.abc import Hashable
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from .._errors import InputError
 from ._network_topology import NetworkTopology, SharedEdge
 
 
@@ -69,7 +71,8 @@ def seams_of(topology: NetworkTopology) -> Seams:
         for k, (side, positions) in enumerate(zip(edge.sides, edge.positions, strict=True)):
             if side in touched:
                 turned = k == 1 and edge.reversed
-                pieces.setdefault(side, []).append(Piece(number, turned, positions[::-1] if turned else positions))
+                first, last = positions
+                pieces.setdefault(side, []).append(Piece(number, turned, (last, first) if turned else (first, last)))
     for (patch, side), parts in pieces.items():
         run = topology.sides(patch)[side]
         assert run is not None
@@ -86,6 +89,23 @@ def seams_of(topology: NetworkTopology) -> Seams:
             nodes[2 * number + end] = numbers.setdefault(key, len(numbers))
     sides = {side: tuple(parts) for side, parts in pieces.items()}
     return Seams(tuple(edges), sides, nodes, _corners(topology, numbers), _joints(sides))
+
+
+def refuse_bent_nodes(topology: NetworkTopology, off: Float[np.ndarray, "e"], allowed: float) -> None:
+    """Refuse nodes whose curves have no common tangent plane; off: sines of the angles to it at the ends of seams."""
+    if not len(off) or not off.max() > allowed:
+        return
+    end = int(off.argmax())
+    patch, side = seams_of(topology).edges[end // 2].sides[0]
+    run = topology.sides(patch)[side]
+    assert run is not None
+    curve, count = run[0], topology.guides
+    name = f"`guides[{curve}]`" if curve < count else f"`characters[{curve - count}]`"
+    raise InputError(
+        f"A smooth network needs a plane at each node that holds the tangents of all curves there; {name} is off it by "
+        f"{math.degrees(math.asin(min(1, off[end]))):.3g}° at an end of side {side} of patch {patch}; turn its tangent, or "
+        "leave the network as it is."
+    )
 
 
 def _node(topology: NetworkTopology, curve: int, position: int) -> Hashable:
