@@ -38,6 +38,7 @@ from .build import (
     loft as loft,
     network as network,
     revolve as revolve,
+    smooth_creases as smooth_creases,
     smoothstep as smoothstep,
     split_at_creases as split_at_creases,
     sweep as sweep,

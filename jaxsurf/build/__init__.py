@@ -19,6 +19,7 @@ from ._orientations import OrientationRotation as OrientationRotation
 from ._revolve import Revolution as Revolution, revolve as revolve
 from ._rotation import AbstractRotation as AbstractRotation, UpRotation as UpRotation
 from ._rotation_minimising import RotationMinimising as RotationMinimising
+from ._smooth_creases import smooth_creases as smooth_creases
 from ._sweep import Sweep as Sweep
 from ._tangent_surface import TangentSurface as TangentSurface
 from ._tangent_to import (

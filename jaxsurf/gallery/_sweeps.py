@@ -1,4 +1,4 @@
-"""Paper 000: sweeps, figures 1 to 5, 9, 10 and 12."""
+"""Paper 000: sweeps, figures 1 to 5 and 9 to 12."""
 
 from typing import Any
 
@@ -13,6 +13,7 @@ from ..edit import reverse
 from ..report import Table
 from ..surface import AbstractSurface
 from ..view import shade
+from ._crease_repair import crease_repair
 from ._page import Page
 from ._undulation import undulation
 
@@ -23,9 +24,10 @@ _SIZE = (900, 700)
 def make() -> Page:
     """The figures with what is measured on them."""
     pictures, tables, shapes = [], [], {}
-    for figure in (_decomposition, _basic_forms, _blend, _kinds, _crease, _sides, _wide, _comparison):
+    for figure in (_decomposition, _basic_forms, _blend, _kinds, _crease, _sides, _wide, _repair, _comparison):
         for name, caption, drawn, surfaces in figure(tables):
-            pictures.append((name, caption, shade(drawn, size=_SIZE, camera=_CAMERA)))
+            picture = drawn if isinstance(drawn, np.ndarray) else shade(drawn, size=_SIZE, camera=_CAMERA)
+            pictures.append((name, caption, picture))
             shapes[name] = surfaces
     return Page("Wide surfaces from few curves (paper 000)", pictures, tables, shapes)
 
@@ -101,9 +103,7 @@ def _kinds(tables: list[Table]) -> list[tuple]:
 
 def _crease(tables: list[Table]) -> list[tuple]:
     """Figure 5: guides of lines and arcs; a rotation after their derivative folds the surface."""
-    g = _line_and_arc(radius=1.0, y=0.0)
-    h = _line_and_arc(radius=1.0, y=1.8, lift=0.5)
-    c = _curve([(0, 0, 0), (0.5, 0.5, 0.7), (0.6, 1.2, 0.9), (0, 1.8, 0.5)])  # not across the guides
+    (g, h), c = _lines_and_arcs()
     drawn = {
         "5a": ("(a) smooth: turned after the chord", sweep(c, (g, h), rotation="chord")),
         "5b": ("(b) not smooth: turned after the tangents", sweep(c, (g, h))),
@@ -117,6 +117,18 @@ def _crease(tables: list[Table]) -> list[tuple]:
         Table("Figure 5: creases", ("figure", "sweep", "largest angle between normals [°]", "smooth pieces"), rows)
     )
     return [(name, f"figure 5 {caption}", [s, g, h, c], s) for name, (caption, s) in drawn.items()]
+
+
+def _repair(tables: list[Table]) -> list[tuple]:
+    """Figure 11: the creased surface of figure 5 before and after."""
+    guides, c = _lines_and_arcs()
+    return crease_repair(sweep(c, guides), tables)
+
+
+def _lines_and_arcs() -> tuple[tuple[CompositeCurve, CompositeCurve], BSplineCurve]:
+    """Guides and a character that does not lie across them."""
+    guides = _line_and_arc(radius=1.0, y=0.0), _line_and_arc(radius=1.0, y=1.8, lift=0.5)
+    return guides, _curve([(0, 0, 0), (0.5, 0.5, 0.7), (0.6, 1.2, 0.9), (0, 1.8, 0.5)])
 
 
 def _line_and_arc(radius: float, y: float, lift: float = 0.0) -> CompositeCurve:

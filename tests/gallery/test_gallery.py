@@ -69,7 +69,7 @@ def sweeps():
 
 def test_figures_1_to_12_of_paper_000_are_there(sweeps):
     names = [file for file, _, _ in sweeps.pictures]
-    assert {name.rstrip("abcdef") for name in names} == {"1", "2", "3", "4", "5", "9", "10", "12"}
+    assert {name.rstrip("abcdef") for name in names} == {"1", "2", "3", "4", "5", "9", "10", "11", "12"}
     assert all(pixels.std() > 5 for _, _, pixels in sweeps.pictures)
     assert sweeps.shapes["1"].forms.count("2 guides + 2 characters") == 4
 
@@ -86,6 +86,12 @@ def test_sweeps_of_figure_4_stay_on_their_guides(sweeps):
 def test_the_crease_of_figure_5_is_found_and_split(sweeps):
     (_, _, smooth, one), (_, _, folded, two) = table(sweeps, "Figure 5")
     assert smooth < 1e-6 and one == 1 and folded > 10 and two == 2
+
+
+def test_figure_11_repairs_the_crease_and_keeps_the_guides(sweeps):
+    (_, _, before, _, _), (_, _, after, moved, off) = table(sweeps, "Figure 11")
+    assert before > 0.9 and after < 1e-12 and 0.01 < moved < 0.2 and off < 1e-12
+    assert [type(part).__name__ for part in sweeps.shapes["11b"]] == ["TangentSurface"] * 2
 
 
 def test_extended_coons_waves_where_the_sweep_does_not(sweeps):
