@@ -158,9 +158,14 @@ def _read(sweeps: Any, kind: SeamClass, parts: Any) -> Read:
             own = jnp.cross(across, along) if axis == 0 else jnp.cross(along, across)
             found.append((across, along, unit(own)))
         first, second = ribbons.corners(sweep.dtype)
-        return Read(*zip(*found, strict=True), first, second)
+        return _read_of(found, first, second)
 
     return eqx.filter_vmap(one)(sweeps, parts)
+
+
+def _read_of(found: list[tuple[Array, Array, Array]], first: Array, second: Array) -> Read:
+    (across, along, own), (across_v, along_v, own_v) = found
+    return Read((across, across_v), (along, along_v), (own, own_v), first, second)
 
 
 def _columns(kind: SeamClass, side: int, part: int) -> np.ndarray:
