@@ -158,3 +158,15 @@ def test_the_seam_in_a_step_file_as_occt_measures_it(ridge, tmp_path):
         a, b = occt_normal(first, float(u), 0.5), occt_normal(second, *foot.LowerDistanceParameters())
         off.append(float(angles(a, b)))
     assert max(off) < 1e-6
+
+
+def test_planes_that_a_spline_does_not_keep_are_told(ridge, monkeypatch):
+    monkeypatch.setattr("jaxsurf.build._smooth_creases._ROUNDS", 1)
+    with pytest.warns(js.GeometryWarning, match=r"keeps the planes along v1 within .* higher `degree`"):
+        assert float(js.to_bspline(ridge[0], 1e-5).max_error) <= 1e-5
+
+
+def test_parts_are_saved_and_loaded(ridge, tmp_path):
+    js.save(tmp_path / "part.jxs", ridge[1])
+    read = js.load(tmp_path / "part.jxs")
+    jax.tree.map(np.testing.assert_array_equal, read, ridge[1])
