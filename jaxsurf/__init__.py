@@ -36,6 +36,7 @@ from .build import (
     gordon as gordon,
     linear as linear,
     loft as loft,
+    make_compatible as make_compatible,
     network as network,
     revolve as revolve,
     smooth_creases as smooth_creases,

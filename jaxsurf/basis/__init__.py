@@ -16,6 +16,7 @@ from ._knots import (
     periodic_knots as periodic_knots,
     uniform_knots as uniform_knots,
 )
+from ._pieces import SplinePieces as SplinePieces, spline_pieces as spline_pieces
 from ._refine import (
     elevated_knots as elevated_knots,
     elevation_matrix as elevation_matrix,

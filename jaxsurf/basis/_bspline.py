@@ -59,15 +59,18 @@ class BSplineBasis(eqx.Module):
 
     def span(self, u: Float[Array, ""]) -> Int[Array, ""]:
         """Index of the first function that does not vanish around `u`, inside one period: the number of its span."""
-        return _first_function(self.unrolled_knots, self.degree, u)
+        return steps_passed(inner_steps(self.unrolled_knots, self.degree), u)
+
+    def wrapped(self, u: Float[Array, ""]) -> Float[Array, ""]:
+        """A parameter inside one period; of what is not periodic, as it is."""
+        return _wrap(u, self.knots) if self.periodic else u
 
     def place(
         self, u: Float[Array, ""], middle: Float[Array, "spans"], scale: Float[Array, "spans"]
     ) -> tuple[Int[Array, ""], Float[Array, ""], Float[Array, ""]]:
         """Index of the first function that does not vanish around `u`, the place t in its span, and dt/du; `middle` and
         `scale` are those of `span_polynomials`."""
-        if self.periodic:
-            u = _wrap(u, self.knots)
+        u = self.wrapped(u)
         first = self.span(u)
         slope = take(scale, first)
         return first, (u - take(middle, first)) * slope, slope
@@ -76,8 +79,7 @@ class BSplineBasis(eqx.Module):
         """Index of the first function that does not vanish around `u`, the knots that those functions need,
         and `u`, wrapped if periodic."""
         p, knots = self.degree, self.unrolled_knots
-        if self.periodic:
-            u = _wrap(u, self.knots)
+        u = self.wrapped(u)
         first = self.span(u)
         # One gather of a row of 2p neighbouring knots per point; the table is built once per call.
         spans = knots.shape[0] - 2 * p - 1
@@ -150,13 +152,17 @@ def local_values(near: list[Float[Array, ""]], degree: int, u: Float[Array, ""])
     return values
 
 
-def _first_function(knots: Float[Array, "k"], degree: int, u: Float[Array, ""]) -> Int[Array, ""]:
-    """Count the inner knots at or below `u`. Knots equal to an end of the domain never count as passed or
-    passable, so the span found is not empty, whatever the end multiplicities and wherever `u` is."""
+def inner_steps(knots: Float[Array, "k"], degree: int) -> Float[Array, "inner"]:
+    """The inner knots, for `steps_passed`. Knots equal to an end of the domain never count as passed or passable, so the
+    span found is not empty, whatever the end multiplicities and wherever the parameter is."""
     start, end = knots[degree], knots[-degree - 1]
     inner = knots[degree + 1 : -degree - 1]
-    steps = jnp.where(inner <= start, -jnp.inf, jnp.where(inner >= end, jnp.inf, inner))
-    return _bisect(steps, u) if inner.shape[0] > _SCAN_LIMIT else jnp.sum(u >= steps, dtype=jnp.int32)
+    return jnp.where(inner <= start, -jnp.inf, jnp.where(inner >= end, jnp.inf, inner))
+
+
+def steps_passed(steps: Float[Array, "inner"], u: Float[Array, ""]) -> Int[Array, ""]:
+    """How many are at or below `u`: the number of its span, and of the first function that does not vanish there."""
+    return _bisect(steps, u) if steps.shape[0] > _SCAN_LIMIT else jnp.sum(u >= steps, dtype=jnp.int32)
 
 
 def _bisect(steps: Float[Array, "k"], u: Float[Array, ""]) -> Int[Array, ""]:

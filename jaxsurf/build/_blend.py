@@ -3,9 +3,11 @@
 import abc
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -36,12 +38,23 @@ class Smoothstep(AbstractBlend):
             raise InputError(f"`order` of a smoothstep must be a whole number from 0 to 6, got {self.order!r}.")
 
     def __call__(self, t: Float[Array, "..."]) -> Float[Array, "..."]:
-        n = int(self.order)
-        total, rest = jnp.ones_like(t), jnp.ones_like(t)
-        for i in range(n - 1, -1, -1):  # tⁿ⁺¹ Σ C(2n+1, n+1+i) tⁱ (1 − t)ⁿ⁻ⁱ, of which nothing cancels
-            rest = rest * (1 - t)
-            total = total * t + math.comb(2 * n + 1, n + 1 + i) * rest
-        return t ** (n + 1) * total
+        return _smoothstep(int(self.order), t)
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _smoothstep(n: int, t: Float[Array, "..."]) -> Float[Array, "..."]:
+    total, rest = jnp.ones_like(t), jnp.ones_like(t)
+    for i in range(n - 1, -1, -1):  # tⁿ⁺¹ Σ C(2n+1, n+1+i) tⁱ (1 − t)ⁿ⁻ⁱ, of which nothing cancels
+        rest = rest * (1 - t)
+        total = total * t + math.comb(2 * n + 1, n + 1 + i) * rest
+    return t ** (n + 1) * total
+
+
+@_smoothstep.defjvp
+def _(n: int, primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    (t,), (along,) = primals, tangents
+    slope = (2 * n + 1) * math.comb(2 * n, n) * (t * (1 - t)) ** n if n else jnp.ones_like(t)
+    return _smoothstep(n, t), along * slope
 
 
 @register

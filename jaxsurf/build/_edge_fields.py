@@ -2,19 +2,20 @@
 
 import abc
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import cache, reduce
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._array import as_float
 from .._errors import InputError
 from .._prepared import Preparable
 from .._registry import register
-from .._safe import unit
+from .._safe import divide, norm, unit
 from ..basis import clamped_knots
 from ..convert import interpolate
 from ..curve import AbstractCurve, BSplineCurve
@@ -30,6 +31,13 @@ class AbstractEdgeField(Preparable):
     @abc.abstractmethod
     def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
         """A normal of any length > 0, inside traced code."""
+
+    def curvature(self, share: Float[Array, ""]) -> Float[Array, ""]:
+        """The normal curvature across the side, in the direction M × t and by the normal M, where one is known."""
+        raise InputError(
+            f"`order=2` needs curvatures across the side as well, and {type(self).__name__} has none: give "
+            "`curvature={side: values}`, or (surface, side) of a neighbour."
+        )
 
     @property
     def weight(self) -> Float[Array, ""] | None:
@@ -78,6 +86,10 @@ class EdgeField(AbstractEdgeField):
         return normal_at(self.surface, *(carried(x, (0.0, 1.0), d) for x, d in zip(place, self.surface.domain, strict=True)))
 
 
+    def curvature(self, share: Float[Array, ""]) -> Float[Array, ""]:
+        return super().curvature(share) if self.thin else self.prepared().curvature(share)
+
+
 class PreparedEdgeField(AbstractEdgeField):
     """An `EdgeField` by the ribbon of its side, at start + step · share; sign: of S_u × S_v by across × along."""
 
@@ -89,6 +101,38 @@ class PreparedEdgeField(AbstractEdgeField):
     def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
         (_, across), (along, _) = value_and_slope(self.ribbon.at, self.start + self.step * share)
         return self.sign * unit(jnp.cross(across, along))
+
+    def curvature(self, share: Float[Array, ""]) -> Float[Array, ""]:
+        once = lambda t: value_and_slope(self.ribbon.at, t)
+        place = self.start + self.step * share
+        ((_, across), (along, mixed)), (_, (twice, _)) = value_and_slope(once, place)
+        normal = self.sign * unit(jnp.cross(across, along))
+        t = unit(along)
+        # b = M × t = α S_t + β Y with Y across
+        beta = divide(jnp.ones_like(share), across @ jnp.cross(normal, t))
+        alpha = -divide(beta * (across @ t), norm(along))
+        second = alpha * alpha * twice + 2 * alpha * beta * mixed + beta * beta * self.ribbon.bend(place)
+        return second @ normal
+
+
+@register
+class CurvatureField(AbstractEdgeField):
+    """A field of normals with the normal curvature across the side: the first coordinate of a curve whose domain runs over
+    the side, or a function of the parameter over `domain`."""
+
+    field: AbstractEdgeField
+    values: AbstractCurve | Callable[[Any], Any]
+    domain: tuple[Any, Any]
+
+    def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
+        return self.field.normal(share)
+
+    def curvature(self, share: Float[Array, ""]) -> Float[Array, ""]:
+        a, b = self.values.domain if isinstance(self.values, AbstractCurve) else self.domain
+        place = (1 - share) * a + share * b
+        if isinstance(self.values, AbstractCurve):
+            return self.values.point(place)[0]
+        return jnp.asarray(self.values(place), share.dtype)
 
 
 @register
@@ -104,20 +148,33 @@ class SeamField(AbstractEdgeField):
         return self.held
 
     def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
+        rows = jnp.asarray(_powers(self.vectors.shape[1] - 1), share.dtype) @ self.vectors
         if self.vectors.shape[0] == 1:
-            return bernstein(share, self.vectors.shape[1] - 1) @ self.vectors[0]
+            return _horner(2 * share - 1, rows[0])
         piece = jnp.sum(share > self.shares[1:-1])
         first, last = self.shares[piece], self.shares[piece + 1]
-        return bernstein((share - first) / (last - first), self.vectors.shape[1] - 1) @ self.vectors[piece]
+        return _horner(2 * (share - first) / (last - first) - 1, rows[piece])
 
 
 def bernstein(t: Float[Array, "*n"], degree: int) -> Float[Array, "*n d"]:
     """The Bernstein polynomials of a degree."""
-    up, down = [jnp.ones_like(t)], [jnp.ones_like(t)]
-    for _ in range(degree):
-        up.append(up[-1] * t)
-        down.append(down[-1] * (1 - t))
-    return jnp.stack([math.comb(degree, k) * up[k] * down[degree - k] for k in range(degree + 1)], axis=-1)
+    x = 2 * t - 1
+    powers = [jnp.ones_like(x), x]
+    for _ in range(2, degree + 1):
+        powers.append(powers[-1] * x)
+    return jnp.matmul(jnp.stack(powers, axis=-1), jnp.asarray(_powers(degree), t.dtype), precision="highest")
+
+
+@cache
+def _powers(degree: int) -> Float[np.ndarray, "d d"]:
+    """Bernstein polynomials by powers of 2t − 1 (power, polynomial); exact."""
+    half = (np.polynomial.Polynomial([0.5, 0.5]), np.polynomial.Polynomial([0.5, -0.5]))
+    found = [math.comb(degree, k) * half[0] ** k * half[1] ** (degree - k) for k in range(degree + 1)]
+    return np.stack([p.coef for p in found], axis=1)
+
+
+def _horner(x: Float[Array, ""], rows: Float[Array, "d 3"]) -> Float[Array, "3"]:
+    return reduce(lambda total, row: total * x + row, rows[::-1])
 
 
 @register
@@ -130,28 +187,6 @@ class GivenField(AbstractEdgeField):
     def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
         a, b = self.domain
         return jnp.asarray(self.function((1 - share) * a + share * b), share.dtype)
-
-
-def together(fields: Sequence[AbstractEdgeField], evaluate: Callable[[AbstractEdgeField], Any]) -> list[Any]:
-    """`evaluate` of every field; fields of one structure share one pass, which compiles once."""
-    found: list[Any] = [None] * len(fields)
-    kinds: dict[Any, list[int]] = {}
-    for k, field in enumerate(fields):
-        leaves, structure = jax.tree.flatten(eqx.filter(field, eqx.is_array))
-        rest = jax.tree.leaves(eqx.filter(field, eqx.is_array, inverse=True))
-        kinds.setdefault((structure, tuple((x.shape, x.dtype) for x in leaves), tuple(map(id, rest))), []).append(k)
-    for members in kinds.values():
-        if len(members) == 1 or not jax.tree.leaves(eqx.filter(fields[members[0]], eqx.is_array)):
-            for k in members:
-                found[k] = evaluate(fields[k])
-            continue
-        arrays = [eqx.filter(fields[k], eqx.is_array) for k in members]
-        rest = eqx.filter(fields[members[0]], eqx.is_array, inverse=True)
-        stacked = jax.tree.map(lambda *x: jnp.stack(x), *arrays)
-        values = jax.vmap(lambda field, rest=rest: evaluate(eqx.combine(field, rest)))(stacked)
-        for row, k in enumerate(members):
-            found[k] = jax.tree.map(lambda x, row=row: x[row], values)
-    return found
 
 
 def as_edge_field(given: Any, surface: AbstractSurface, side: str) -> AbstractEdgeField | None:

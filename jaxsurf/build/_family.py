@@ -12,9 +12,8 @@ from .._arguments import as_type
 from .._errors import InputError
 from ..curve import AbstractCurve
 from ..curve._breaks import breaks
-from ._guides import carried, join_breaks
-
-_STACKED = 5  # curves of one kind from which on they are evaluated as one: the program stays short
+from ._alike import prepared_alike
+from ._guides import carried, join_breaks, same_domain
 
 
 class Family(eqx.Module):
@@ -23,17 +22,13 @@ class Family(eqx.Module):
     curves: tuple[AbstractCurve, ...]
     domain: tuple[Any, Any]
 
-    def prepared(self) -> "Family":
-        """The family with its curves prepared."""
-        return Family(tuple(curve.prepared() for curve in self.curves), self.domain)
+    def prepared(self) -> "PreparedFamily":
+        """The family with its curves prepared, those of one kind as one."""
+        return PreparedFamily(self.curves, self.domain, *prepared_alike(self.curves))
 
     def points(self, t: Float[Array, ""]) -> Float[Array, "n 3"]:
         """The point of each curve at the common parameter."""
-        if len(self.curves) < _STACKED or not _alike(self.curves):
-            return jnp.stack([_at(curve, self.domain, t) for curve in self.curves])
-        static = eqx.filter(self.curves[0], eqx.is_array, inverse=True)
-        stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(eqx.filter(c, eqx.is_array) for c in self.curves))
-        return jax.vmap(lambda curve: _at(eqx.combine(curve, static), self.domain, t))(stacked)
+        return jnp.stack([curve.point(carried(t, self.domain, curve.domain)) for curve in self.curves])
 
     def rows(self, t: Float[Array, "m"]) -> Float[Array, "m n 3"]:
         """The points at many parameters."""
@@ -44,9 +39,24 @@ class Family(eqx.Module):
         places = None
         for curve in self.curves:
             own = breaks(curve)
-            own = own if _same(curve.domain, self.domain) else carried(jnp.asarray(own), curve.domain, self.domain)
+            own = own if same_domain(curve.domain, self.domain) else carried(jnp.asarray(own), curve.domain, self.domain)
             places = own if places is None else join_breaks(places, own)
         return places
+
+
+class PreparedFamily(Family):
+    """A family with its curves prepared: each, and all of them stacked if they are of one kind."""
+
+    ready: tuple[Any, ...]
+    together: Any
+
+    def prepared(self) -> "PreparedFamily":
+        return self
+
+    def points(self, t: Float[Array, ""]) -> Float[Array, "n 3"]:
+        if self.together is None:
+            return jnp.stack([curve.point(carried(t, self.domain, curve.domain)) for curve in self.ready])
+        return eqx.filter_vmap(lambda curve: curve.point(carried(t, self.domain, curve.domain)))(self.together)
 
 
 def given_curves(curves: Any, name: str, least: int) -> tuple[AbstractCurve, ...]:
@@ -72,21 +82,3 @@ def of_one_type(shapes: Any) -> Any:
     """The shapes with all their arrays of the widest floating type among them."""
     types = [leaf.dtype for leaf in jax.tree.leaves(shapes) if eqx.is_inexact_array(leaf)]
     return as_type(shapes, max(types, key=lambda dtype: jnp.finfo(dtype).bits))
-
-
-def _at(curve: Any, domain: tuple[Any, Any], t: Float[Array, ""]) -> Float[Array, "3"]:
-    return curve.point(t if _same(curve.domain, domain) else carried(t, domain, curve.domain))
-
-
-def _same(one: tuple[Any, Any], other: tuple[Any, Any]) -> bool:
-    """Whether domains are known to be one: the same object, or equal numbers."""
-    return all(a is b or (isinstance(a, float) and isinstance(b, float) and a == b) for a, b in zip(one, other, strict=True))
-
-
-def _alike(curves: tuple[Any, ...]) -> bool:
-    """Whether curves differ in the values of their arrays alone."""
-    arrays = [eqx.filter(curve, eqx.is_array) for curve in curves]
-    statics = [jax.tree.flatten(eqx.filter(curve, eqx.is_array, inverse=True)) for curve in curves]
-    kinds = {jax.tree.structure(each) for each in arrays}
-    sizes = {tuple((leaf.shape, str(leaf.dtype)) for leaf in jax.tree.leaves(each)) for each in arrays}
-    return len(kinds) == 1 and len(sizes) == 1 and all(static == statics[0] for static in statics)

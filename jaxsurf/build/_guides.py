@@ -15,7 +15,7 @@ from .._registry import register
 from .._safe import norm, unit
 from ..curve import AbstractCurve
 from ..curve._breaks import breaks
-from ..edit._reparametrised import affine
+from ._alike import prepared_alike
 
 _MEET = 1e-9  # chords shorter than this share of their change over the whole guide have the direction of the change
 
@@ -38,9 +38,10 @@ class Guides(eqx.Module):
     def dtype(self) -> Any:
         return self.curves[0].dtype
 
-    def prepared(self) -> "Guides":
+    def prepared(self) -> "PreparedGuides":
         """The same guides, prepared for many points."""
-        return Guides(tuple(curve.prepared() for curve in self.curves), self.meet)
+        curves, together = prepared_alike(self.curves)
+        return PreparedGuides(curves, self.meet, together)
 
     def at(self, v: Float[Array, ""]) -> "Station":
         """What there is to know at one parameter, inside traced code."""
@@ -51,11 +52,13 @@ class Guides(eqx.Module):
         a, b = self.domain
         return (v - a) / (b - a)
 
-    def position(self, index: int, v: Float[Array, ""]) -> Float[Array, "3"]:
-        """The point of a guide at the common parameter."""
-        if index == 0:
-            return self.curves[0].point(v)
-        return self.curves[index].point(carried(v, self.domain, self.curves[index].domain))
+    def first_order(self, v: Float[Array, ""]) -> list[tuple[Float[Array, "3"], Float[Array, "3"]]]:
+        """Points and derivatives of all guides at the common parameter."""
+        return [self._first_order(curve, v) for curve in self.curves]
+
+    def _first_order(self, curve: Any, v: Float[Array, ""]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+        point = curve.point if curve is self.curves[0] else lambda t: curve.point(carried(t, self.domain, curve.domain))
+        return value_and_slope(point, v)
 
     def breaks(self) -> Any:
         """Where a guide is not smooth, and the ends of the domain, in the common parameter."""
@@ -64,6 +67,21 @@ class Guides(eqx.Module):
             return own
         other = carried(jnp.asarray(breaks(self.curves[1])), self.curves[1].domain, self.domain)
         return join_breaks(own, other)
+
+
+class PreparedGuides(Guides):
+    """Guides of prepared curves; together: both stacked, if they are of one kind."""
+
+    together: Any = None
+
+    def prepared(self) -> "PreparedGuides":
+        return self
+
+    def first_order(self, v: Float[Array, ""]) -> list[tuple[Float[Array, "3"], Float[Array, "3"]]]:
+        if self.together is None:
+            return super().first_order(v)
+        points, slopes = eqx.filter_vmap(lambda curve: self._first_order(curve, v))(self.together)
+        return [(points[i], slopes[i]) for i in range(len(self.curves))]
 
 
 def join_breaks(one: Any, other: Any) -> Any:
@@ -84,7 +102,7 @@ class Station:
 
     @cached_property
     def _first_order(self) -> list[tuple[Array, Array]]:
-        return [value_and_slope(lambda t, i=i: self.guides.position(i, t), self.v) for i in range(len(self.guides.curves))]
+        return self.guides.first_order(self.v)
 
     @property
     def positions(self) -> list[Float[Array, "3"]]:
@@ -139,5 +157,18 @@ def value_and_slope(f: Any, t: Float[Array, ""]) -> tuple[Any, Any]:
 
 def carried(t: Float[Array, "*n"], domain: tuple[Any, Any], other: tuple[Any, Any]) -> Float[Array, "*n"]:
     """Parameters of one domain, carried evenly to another one; its ends are met exactly."""
-    ends = [jnp.stack([jnp.asarray(end, t.dtype) for end in pair]) for pair in (domain, other)]
-    return affine(t, *ends)
+    if same_domain(domain, other):
+        return t
+    share = t
+    if not same_domain(domain, (0.0, 1.0)):
+        a, b = (jnp.asarray(end, t.dtype) for end in domain)
+        share = (t - a) / (b - a)
+    if same_domain(other, (0.0, 1.0)):
+        return share
+    a, b = (jnp.asarray(end, t.dtype) for end in other)
+    return (1 - share) * a + share * b
+
+
+def same_domain(one: tuple[Any, Any], other: tuple[Any, Any]) -> bool:
+    """Whether domains are known to be one: the same object, or equal numbers."""
+    return all(a is b or (isinstance(a, float) and isinstance(b, float) and a == b) for a, b in zip(one, other, strict=True))

@@ -106,7 +106,7 @@ def _curves(curves: Any, name: str) -> tuple[AbstractCurve, ...]:
 def _off_second_guide(surface: Sweep, v: Float[Array, "n"]) -> Float[Array, "n"]:
     prepared = surface.prepared()
     last = jnp.asarray(surface.domain[0][1], surface.dtype)
-    gap = lambda t: norm(prepared.point(last, t) - prepared.guides.position(1, t))
+    gap = lambda t: norm(prepared.point(last, t) - prepared.guides.at(t).positions[1])
     return jax.vmap(gap)(v)
 
 
@@ -124,10 +124,10 @@ def _check_second_guide(surface: Sweep, rotation: Any, scale: Any, allowed: floa
 
 
 @eqx.filter_jit
-def _rows(surface: Sweep, v: Float[Array, "n"]) -> list[Float[Array, "n 3 3"]]:
+def _rows(surface: Sweep, v: Float[Array, "n"]) -> Float[Array, "k n 3 3"]:
     prepared = surface.prepared()
-    turn = lambda start, t: surface.rotation.matrix(start.known, prepared.guides.at(t))
-    return [jax.vmap(lambda t, s=start: turn(s, t))(v) for start in prepared.starts]
+    turn = lambda start, t: surface.rotation.matrix(prepared.table, start.known, prepared.guides.at(t))
+    return jax.vmap(lambda start: jax.vmap(lambda t: turn(start, t))(v))(prepared.starts)
 
 
 def _check_jumps(surface: Sweep) -> None:

@@ -14,6 +14,7 @@ from .._prepared import prepare
 from .._registry import register
 from ..curve import AbstractCurve
 from ..curve._breaks import breaks
+from ._alike import kinds_of, row_of, stack
 from ._blend import Smoothstep
 
 _FADE = Smoothstep(2)  # flat to second order at nodes: tangents and curvatures of the curves stay there
@@ -40,7 +41,7 @@ class NetworkEdge(AbstractCurve):
 
     def point(self, u: Float[Array, ""]) -> Float[Array, "3"]:
         t = (1 - u) * self.ends[0] + u * self.ends[1]
-        shares = jnp.clip((t - self.places[:-1]) / jnp.diff(self.places), 0, 1)
+        shares = jax.lax.clamp(0.0, (t - self.places[:-1]) / jnp.diff(self.places), 1.0)
         steps = jnp.diff(self.offsets, axis=0)
         return self.curve.point(wrapped(self.curve, t, self.closed)) + self.offsets[0] + _FADE(shares) @ steps
 
@@ -85,35 +86,22 @@ class Stacks(NamedTuple):
 
     def curve(self, group: int, row: Any) -> Any:
         """One curve; the row may be traced."""
-        return jax.tree.map(lambda leaf: leaf[row] if eqx.is_array(leaf) else leaf, self.groups[group].stacked)
+        return row_of(self.groups[group].stacked, row)
 
 
 def structures(curves: Sequence[AbstractCurve], flags: Sequence[Any]) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """For each curve the number of its structure (shapes of arrays, all that is static, its flag), and its row in it."""
-    kinds: list[Any] = []
-    counts: list[int] = []
-    group_of, row_of = [], []
-    for curve, flag in zip(curves, flags, strict=True):
-        arrays, rest = eqx.partition(curve, eqx.is_array)
-        shapes = tuple((leaf.shape, str(leaf.dtype)) for leaf in jax.tree.leaves(arrays))
-        kind = (jax.tree.structure(arrays), shapes, jax.tree.structure(rest), tuple(jax.tree.leaves(rest)), flag)
-        if kind not in kinds:
-            kinds.append(kind)
-            counts.append(0)
-        number = kinds.index(kind)
-        group_of.append(number)
-        row_of.append(counts[number])
-        counts[number] += 1
+    group_of, row_of = [0] * len(curves), [0] * len(curves)
+    for number, members in enumerate(kinds_of(curves, flags)):
+        for row, i in enumerate(members):
+            group_of[i], row_of[i] = number, row
     return tuple(group_of), tuple(row_of)
 
 
 def stacked(curves: Sequence[AbstractCurve], flags: Sequence[Any], *, ready: bool = True) -> Stacks:
     """Curves stacked by structure, each one prepared if it is to be `ready`."""
-    group_of, row_of = structures(curves, flags)
     groups = []
-    for number in range(max(group_of) + 1):
-        members = tuple(i for i, group in enumerate(group_of) if group == number)
-        stack = lambda *leaves: jnp.stack(leaves) if eqx.is_array(leaves[0]) else leaves[0]
-        together = jax.tree.map(stack, *(curves[i] for i in members))
-        groups.append(Group(eqx.filter_vmap(prepare)(together) if ready else together, members))
-    return Stacks(tuple(groups), group_of, row_of)
+    for members in kinds_of(curves, flags):
+        together = stack([curves[i] for i in members])
+        groups.append(Group(eqx.filter_vmap(prepare)(together) if ready else together, tuple(members)))
+    return Stacks(tuple(groups), *structures(curves, flags))

@@ -9,8 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..basis import BSplineBasis
-from ..curve._bspline import combine
+from ..basis import SplinePieces, spline_pieces
 from ..surface import AbstractSurface, BSplineSurface
 from ._guides import carried, value_and_slope
 
@@ -29,6 +28,10 @@ class AbstractRibbons(eqx.Module):
     @abc.abstractmethod
     def at(self, axis: int, share: Float[Array, ""]) -> Pair:
         """Points and derivatives across on both sides across an axis: s = 0, 1 for axis 0, t = 0, 1 for axis 1."""
+
+    @abc.abstractmethod
+    def bends(self, axis: int, share: Float[Array, ""]) -> Ends:
+        """Second derivatives across on both sides."""
 
     def sides(self, axis: int, share: Float[Array, ""]) -> tuple[Ends, Ends, Ends]:
         """Points, derivatives across and along."""
@@ -56,6 +59,10 @@ class AbstractRibbon(eqx.Module):
     def at(self, share: Float[Array, ""]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
         """The point and the derivative across."""
 
+    @abc.abstractmethod
+    def bend(self, share: Float[Array, ""]) -> Float[Array, "3"]:
+        """The second derivative across."""
+
 
 @singledispatch
 def ribbons_of(surface: Any) -> AbstractRibbons:
@@ -77,6 +84,9 @@ class _Ribbons(AbstractRibbons):
     def at(self, axis: int, share: Float[Array, ""]) -> Pair:
         return jax.vmap(lambda end: _Ribbon(self.surface, end, axis).at(share))(jnp.arange(2, dtype=share.dtype))
 
+    def bends(self, axis: int, share: Float[Array, ""]) -> Ends:
+        return jax.vmap(lambda end: _Ribbon(self.surface, end, axis).bend(share))(jnp.arange(2, dtype=share.dtype))
+
 
 class _Ribbon(AbstractRibbon):
     """Of any surface, by forward mode."""
@@ -86,58 +96,76 @@ class _Ribbon(AbstractRibbon):
     axis: int = eqx.field(static=True)
 
     def at(self, share: Float[Array, ""]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+        return value_and_slope(lambda x: self._point(x, share), self.end)
+
+    def bend(self, share: Float[Array, ""]) -> Float[Array, "3"]:
+        slope = lambda x: value_and_slope(lambda y: self._point(y, share), x)[1]
+        return value_and_slope(slope, self.end)[1]
+
+    def _point(self, x: Float[Array, ""], share: Float[Array, ""]) -> Float[Array, "3"]:
         along_u, along_v = self.surface.domain
-
-        def point(x: Float[Array, ""]) -> Float[Array, "3"]:
-            s, t = (x, share) if self.axis == 0 else (share, x)
-            return self.surface.point(carried(s, (0.0, 1.0), along_u), carried(t, (0.0, 1.0), along_v))
-
-        return value_and_slope(point, self.end)
+        s, t = (x, share) if self.axis == 0 else (share, x)
+        return self.surface.point(carried(s, (0.0, 1.0), along_u), carried(t, (0.0, 1.0), along_v))
 
 
 class _SplineRibbons(AbstractRibbons):
-    """Of a B-spline surface: curves of twelve coordinates."""
+    """Of a B-spline surface: curves of points, derivatives across and second ones, on both sides."""
 
-    bases: tuple[BSplineBasis, BSplineBasis]
-    rows: tuple[Float[Array, "n 12"], Float[Array, "m 12"]]
+    rows: tuple["_SplineRows", "_SplineRows"]
 
     def at(self, axis: int, share: Float[Array, ""]) -> Pair:
-        basis = self.bases[axis]
-        points, across = combine(basis, self.rows[axis], carried(share, (0.0, 1.0), basis.domain)).reshape(2, 2, 3)
+        points, across = self.rows[axis].first.point(self.rows[axis].place(share)).reshape(2, 2, 3)
         return points, across
+
+    def bends(self, axis: int, share: Float[Array, ""]) -> Ends:
+        return self.rows[axis].second.point(self.rows[axis].place(share)).reshape(2, 3)
 
 
 class _SplineRibbon(AbstractRibbon):
-    """Of a B-spline surface: a curve of six coordinates."""
+    """Of a B-spline surface: the same of one side."""
 
-    basis: BSplineBasis
-    rows: Float[Array, "n 6"]
+    rows: "_SplineRows"
 
     def at(self, share: Float[Array, ""]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-        point, across = combine(self.basis, self.rows, carried(share, (0.0, 1.0), self.basis.domain)).reshape(2, 3)
+        point, across = self.rows.first.point(self.rows.place(share)).reshape(2, 3)
         return point, across
+
+    def bend(self, share: Float[Array, ""]) -> Float[Array, "3"]:
+        return self.rows.second.point(self.rows.place(share))
+
+
+class _SplineRows(eqx.Module):
+    """Along sides: points with derivatives across, and second derivatives."""
+
+    first: SplinePieces
+    second: SplinePieces
+
+    def place(self, share: Float[Array, ""]) -> Float[Array, ""]:
+        """The parameter at a share."""
+        return carried(share, (0.0, 1.0), self.first.basis.domain)
 
 
 @ribbons_of.register
 def _(surface: BSplineSurface) -> AbstractRibbons:
-    rows = [_spline_rows(surface, axis, (0, 1)).reshape(-1, 12) for axis in (0, 1)]
-    return _SplineRibbons((surface.basis_v, surface.basis_u), (rows[0], rows[1]))
+    return _SplineRibbons((_spline_rows(surface, 0, (0, 1)), _spline_rows(surface, 1, (0, 1))))
 
 
 @ribbon_of.register
 def _(surface: BSplineSurface, axis: int, end: int) -> AbstractRibbon:
-    along = (surface.basis_v, surface.basis_u)[axis]
-    return _SplineRibbon(along, _spline_rows(surface, axis, (end,)).reshape(-1, 6))
+    return _SplineRibbon(_spline_rows(surface, axis, (end,)))
 
 
-def _spline_rows(surface: BSplineSurface, axis: int, ends: tuple[int, ...]) -> Float[Array, "n 2 e 3"]:
-    """Control points, along a side, of the points on sides across an axis and of the derivatives there."""
+def _spline_rows(surface: BSplineSurface, axis: int, ends: tuple[int, ...]) -> _SplineRows:
     net = surface.control_points if axis == 0 else jnp.swapaxes(surface.control_points, 0, 1)
-    basis = (surface.basis_u, surface.basis_v)[axis]
+    basis, along = (surface.basis_u, surface.basis_v)[:: 1 - 2 * axis]
     first, last = (jnp.asarray(x, net.dtype) for x in basis.domain)
-    values, slopes = jax.vmap(lambda u: value_and_slope(basis.row, u))(jnp.stack([(first, last)[end] for end in ends]))
-    weights = jnp.stack([values, slopes * (last - first)])
-    return jnp.einsum("aei,ijx->jaex", weights, net, precision="highest")
+    once = lambda u: value_and_slope(basis.row, u)
+    at = jnp.stack([(first, last)[end] for end in ends])
+    (values, slopes), (_, bends) = jax.vmap(lambda u: value_and_slope(once, u))(at)
+    # of control points along the side: points and derivatives across by the share
+    rows = lambda *by: jnp.einsum("aei,ijx->jaex", jnp.stack(by), net, precision="highest").reshape(net.shape[1], -1)
+    pieces = lambda *by: spline_pieces(along, rows(*by))
+    return _SplineRows(pieces(values, slopes * (last - first)), pieces(bends * (last - first) ** 2))
 
 
 def hermite_weight(end: int, x: Any) -> Any:

@@ -27,9 +27,9 @@ SAMPLES = 64
 class AbstractRotation(eqx.Module):
     """A kind of R(v): how a section turns between a station of the guides and another one.
 
-    `known` computes, once, what does not depend on v; `matrix` gives R(v), (3, 3), orthonormal with det +1, the identity at
-    the station where the section starts. `settled` looks at known guides: it refuses those for which the kind is not
-    defined, and chooses static numbers.
+    `table` and `known` compute, once, what does not depend on v: of the guides and of a start. `matrix` gives R(v), (3, 3),
+    orthonormal with det +1, the identity at the station where the section starts. `settled` looks at known guides: it
+    refuses those for which the kind is not defined, and chooses static numbers.
     """
 
     def settled(self, guides: Guides) -> "AbstractRotation":
@@ -40,12 +40,16 @@ class AbstractRotation(eqx.Module):
         """The same kind, made ready for these guides where it was not."""
         return self
 
-    @abc.abstractmethod
-    def known(self, guides: Guides, start: Station) -> Any:
-        """What `matrix` needs and v does not change."""
+    def table(self, guides: Guides) -> Any:
+        """What `known` and `matrix` need of the whole guides."""
+        return None
 
     @abc.abstractmethod
-    def matrix(self, known: Any, here: Station) -> Float[Array, "3 3"]:
+    def known(self, table: Any, start: Station) -> Any:
+        """What `matrix` needs of the start."""
+
+    @abc.abstractmethod
+    def matrix(self, table: Any, known: Any, here: Station) -> Float[Array, "3 3"]:
         """R(v) at a station."""
 
 
@@ -53,10 +57,10 @@ class AbstractRotation(eqx.Module):
 class Fixed(AbstractRotation):
     """R = I: sections are moved, not turned. Source: paper 000, identity."""
 
-    def known(self, guides: Guides, start: Station) -> Any:
+    def known(self, table: Any, start: Station) -> Any:
         return None
 
-    def matrix(self, known: Any, here: Station) -> Float[Array, "3 3"]:
+    def matrix(self, table: Any, known: Any, here: Station) -> Float[Array, "3 3"]:
         return jnp.eye(3, dtype=here.guides.dtype)
 
 
@@ -79,10 +83,10 @@ class _SmallestRotation(AbstractRotation):
     def renewed(self, guides: Guides) -> AbstractRotation:
         return self if self.opposite else self.settled(guides)
 
-    def known(self, guides: Guides, start: Station) -> Any:
+    def known(self, table: Any, start: Station) -> Any:
         return self.direction(start)
 
-    def matrix(self, known: Any, here: Station) -> Float[Array, "3 3"]:
+    def matrix(self, table: Any, known: Any, here: Station) -> Float[Array, "3 3"]:
         if not self.opposite:
             return smallest_rotation(known, unit(known + self.direction(here)))
         still = jax.tree.map(lambda leaf: jax.lax.stop_gradient(leaf) if eqx.is_array(leaf) else leaf, here.guides)
@@ -109,21 +113,15 @@ class ChordRotation(_SmallestRotation):
 class FrameRotation(AbstractRotation):
     """F(v) F(start)ᵀ of orthonormal frames along the guides."""
 
-    def table(self, guides: Guides) -> Any:
-        """What frames need and v does not change."""
-        return None
-
     @abc.abstractmethod
     def frame(self, table: Any, here: Station) -> Float[Array, "3 3"]:
         """The frame at a station, unit vectors in columns."""
 
-    def known(self, guides: Guides, start: Station) -> Any:
-        table = self.table(guides)
-        return table, self.frame(table, start).T
+    def known(self, table: Any, start: Station) -> Any:
+        return self.frame(table, start).T
 
-    def matrix(self, known: Any, here: Station) -> Float[Array, "3 3"]:
-        table, first = known
-        return self.frame(table, here) @ first
+    def matrix(self, table: Any, known: Any, here: Station) -> Float[Array, "3 3"]:
+        return self.frame(table, here) @ known
 
 
 @register

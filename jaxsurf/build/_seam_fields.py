@@ -268,39 +268,33 @@ def _fairness(
     slots = len(sides)
     bent, derive = (jnp.asarray(x, base.dtype) for x in fairness_tables())
 
-    def side_terms(side: int, across: Array, along: Array, at: Array, seams: Array, turned: Array) -> tuple[Array, Array]:
-        """⟨X, M⟩ M at the Gauss places (g, 3), and its derivatives (g, p, 4, 3)."""
-        count = kind.counts[side]
-        places = jnp.asarray(g, base.dtype)
-        piece = jnp.sum(places[:, None] > at[None, 1:count], axis=1)
-        share = (places[:, None] - at[None, :count]) / (at[None, 1 : count + 1] - at[None, :count])
-        share = jnp.where(turned[None, :], 1 - share, share)
-        inside = (piece[:, None] == np.arange(count)[None, :])[..., None]
-        weights = jnp.where(inside, bernstein(share, DEGREE), 0)
+    places = jnp.asarray(g, base.dtype)[None]
+    of_side = jnp.asarray(sides == np.arange(4)[:, None], base.dtype)
+
+    def pulled(m: Array, x: Array, t: Array) -> Array:
+        m = unit(m - (m @ t) * t)
+        return (x @ m) * m
+
+    def side_terms(read: Read, at: Any, seams: Array, turned: Array) -> tuple[Array, Array]:
+        """⟨X, M⟩ M at the Gauss places of the sides (4, g, 3), and its derivatives (4, g, 3, slots, 4)."""
+        first, last = (jnp.concatenate([side[part] for side in at])[:, None] for part in (np.s_[:-1], np.s_[1:]))
+        share = (places - first) / (last - first)
+        share = jnp.where(turned[:, None], 1 - share, share)
+        inside = (places > first) & (places <= last)
+        weights = jnp.where(inside[..., None], bernstein(share, DEGREE), 0)
         vectors = base[seams] + jnp.einsum("pa,padx->pdx", chosen[seams], bends[seams], precision="highest")
-        m = jnp.einsum("gpd,pdx->gx", weights, vectors, precision="highest")
-        by = jnp.einsum("gpd,padx->gpax", weights, bends[seams], precision="highest")
-
-        def pulled(m: Array, x: Array, t: Array) -> Array:
-            t = unit(t)
-            m = unit(m - (m @ t) * t)
-            return (x @ m) * m
-
-        value = jax.vmap(pulled)(m, across, along)
-        return value, jnp.einsum("gyx,gpax->gpay", jax.vmap(jax.jacfwd(pulled))(m, across, along), by, precision="highest")
+        m = jnp.einsum("sp,pgd,pdx->sgx", of_side, weights, vectors, precision="highest")
+        by = jnp.einsum("pgd,padx->pgax", weights, bends[seams], precision="highest")
+        across, along = (
+            jnp.concatenate([jnp.swapaxes(x[:GAUSS], 0, 1) for x in pair]) for pair in (read.across, read.along)
+        )
+        every = lambda f: jax.vmap(jax.vmap(f))(m, across, unit(along))
+        turn = every(jax.jacfwd(pulled))
+        return every(pulled), jnp.einsum("sp,sgyx,pgax->sgypa", of_side, turn, by, precision="highest")
 
     def one(read: Read, at: Any, seams: Array, turned: Array, held: Array) -> tuple[Array, Array]:
-        columns = jnp.zeros((4, GAUSS, 3, slots, 4), base.dtype)
-        values = []
-        for side in range(4):
-            own = np.flatnonzero(sides == side)
-            axis, end = divmod(side, 2)
-            value, by = side_terms(
-                side, read.across[axis][:GAUSS, end], read.along[axis][:GAUSS, end], at[side], seams[own], turned[own]
-            )
-            values.append(held[side] * value)
-            columns = columns.at[side, :, :, own].set(held[side] * jnp.transpose(by, (1, 0, 3, 2)))
-        pulls = jnp.concatenate([jnp.stack(values)[..., None], columns.reshape(4, GAUSS, 3, -1)], axis=-1)
+        value, by = side_terms(read, at, seams, turned)
+        pulls = jnp.concatenate([value[..., None], by.reshape(4, GAUSS, 3, -1)], axis=-1) * held[:, None, None, None]
         corners = _corner_terms(kind, read, seams, turned, held, chosen, turning, lengths)
         weight = jnp.asarray(quadrature, base.dtype)
         size = jnp.mean(norm(read.first), axis=(0, 1))
@@ -324,25 +318,23 @@ def _corner_terms(
     """½ (ρ + ρ̃) n at the corners of a patch, and its derivatives by the numbers of the seams, (2, 2, 3, 1 + 4 slots)."""
     starts = np.concatenate([[0], np.cumsum(kind.counts)])
     slots = int(starts[-1])
-    total = jnp.zeros((2, 2, 3, 1 + 4 * slots), chosen.dtype)
-    for i, j in CORNERS:
-        du, dv = read.first[i, j]
-        across = jnp.cross(du, dv)
-        n, area, inner = unit(across), norm(across), du @ dv
-        second = jnp.einsum("abx,x->ab", read.second[i, j], n, precision="highest")
-        # ⟨S_u, M_i'⟩ = −area x_i − ⟨S_u, S_v⟩ ⟨S_vv, n⟩ / |S_v|², and ⟨S_v, M_j'⟩ = area x_j − …
-        mean = second[0, 1] - 0.5 * inner * (divide(second[0, 0], du @ du) + divide(second[1, 1], dv @ dv))
-        row = jnp.zeros(1 + 4 * slots, chosen.dtype)
-        for sign, side, last in ((-0.5, i, j), (0.5, 2 + j, i)):
-            slot = int(starts[side + 1] - 1 if last else starts[side])
-            seam = seams[slot]
-            end = jnp.where(turned[slot], 1 - last, last)
-            x = divide(chosen[seam, end] + turning[seam, end], lengths[seam, end])
-            mean = mean + sign * area * x
-            row = row.at[1 + 4 * slot + end].add(divide(sign * area, lengths[seam, end]))
-        row = row.at[0].set(mean) * held[i] * held[2 + j]
-        total = total.at[i, j].set(n[:, None] * row[None, :])
-    return total
+    corners = np.array(CORNERS)
+    # at a corner (i, j) the side u = i, whose end there is its j-th, and the side v = j
+    about, last = corners + [0, 2], corners[:, ::-1]
+    slot = np.where(last, starts[about + 1] - 1, starts[about])
+    du, dv = jnp.moveaxis(read.first.reshape(4, 2, 3), 1, 0)
+    across = jnp.cross(du, dv)
+    n, area, inner = unit(across), norm(across), jnp.sum(du * dv, axis=-1)
+    second = jnp.einsum("cabx,cx->cab", read.second.reshape(4, 2, 2, 3), n, precision="highest")
+    # ⟨S_u, M_i'⟩ = −area x_i − ⟨S_u, S_v⟩ ⟨S_vv, n⟩ / |S_v|², and ⟨S_v, M_j'⟩ = area x_j − …
+    bent = divide(second[:, 0, 0], jnp.sum(du * du, axis=-1)) + divide(second[:, 1, 1], jnp.sum(dv * dv, axis=-1))
+    seam, end = seams[slot], jnp.where(turned[slot], 1 - last, last)
+    share = divide(0.5 * area[:, None] * jnp.asarray([[-1.0, 1.0]], chosen.dtype), lengths[seam, end])
+    mean = second[:, 0, 1] - 0.5 * inner * bent + jnp.sum(share * (chosen[seam, end] + turning[seam, end]), axis=1)
+    rows = jnp.zeros((4, 1 + 4 * slots), chosen.dtype).at[:, 0].set(mean)
+    rows = rows.at[np.arange(4)[:, None], 1 + 4 * slot + end].add(share)
+    rows = rows * (held[corners[:, 0]] * held[2 + corners[:, 1]])[:, None]
+    return (n[:, :, None] * rows[:, None, :]).reshape(2, 2, 3, -1)
 
 
 def _fields(kind: SeamClass, read: Read, parts: Any, vectors: Array, mean: Array) -> tuple[Any, ...]:

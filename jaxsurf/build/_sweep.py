@@ -15,8 +15,9 @@ from ..curve._breaks import breaks as curve_breaks
 from ..surface import AbstractSurface
 from ..surface._breaks import breaks
 from ._blend import AbstractBlend
+from ._family import Family, PreparedFamily
 from ._guides import Guides, Station, carried, join_breaks, value_and_slope
-from ._ribbons import AbstractRibbons, Pair, ribbons_of
+from ._ribbons import AbstractRibbons, Ends, Pair, ribbons_of
 from ._rotation import AbstractRotation
 
 
@@ -47,9 +48,19 @@ class Sweep(AbstractSurface):
     def prepared(self) -> "PreparedSweep":
         """The sweep with all that does not depend on u and v computed."""
         guides = self.guides.prepared()
-        characters = tuple(curve.prepared() for curve in self.characters)
-        starts = tuple(self._start(guides, curve, end) for curve, end in zip(characters, self.ends, strict=True))
-        return PreparedSweep(self, characters, guides, starts)
+        characters = Family(self.characters, self.characters[0].domain).prepared()
+        table = self.rotation.table(guides)
+        places = jnp.stack([jnp.asarray(guides.domain[0 if end == "first" else 1], self.dtype) for end in self.ends])
+        anchors, lasts = (characters.points(jnp.asarray(end, self.dtype)) for end in characters.domain)
+
+        def start(v: Float[Array, ""], anchor: Float[Array, "3"], last: Float[Array, "3"]) -> _Start:
+            station = guides.at(v)
+            known = self.rotation.known(table, station)
+            if len(guides.curves) == 1:
+                return _Start(known, station.positions[0], None, jnp.ones((), self.dtype), jnp.zeros(3, self.dtype))
+            return _Start(known, anchor, station.chord - (last - anchor), station.chord_length, station.chord_direction)
+
+        return PreparedSweep(self, characters, guides, table, jax.vmap(start)(places, anchors, lasts))
 
     def renewed(self) -> "Sweep":
         if not is_concrete(self):
@@ -65,19 +76,10 @@ class Sweep(AbstractSurface):
     def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
         return self.prepared().grid_points(u, v)
 
-    def _start(self, guides: Guides, character: AbstractCurve, end: str) -> "_Start":
-        station = guides.at(jnp.asarray(guides.domain[0 if end == "first" else 1], self.dtype))
-        known = self.rotation.known(guides, station)
-        if len(guides.curves) == 1:
-            one = jnp.ones((), self.dtype)
-            return _Start(known, station.positions[0], None, one, jnp.zeros(3, self.dtype))
-        first, last = (character.point(jnp.asarray(end, self.dtype)) for end in character.domain)
-        lacks = station.chord - (last - first)
-        return _Start(known, first, lacks, station.chord_length, station.chord_direction)
-
 
 class _Start(eqx.Module):
-    """Where a character is placed: what the rotation knows, the anchor, what it lacks to the chord, and the chord there."""
+    """Where a character is placed: what the rotation knows, the anchor, what it lacks to the chord, and the chord there;
+    those of all characters stacked."""
 
     known: Any
     anchor: Float[Array, "3"]
@@ -90,20 +92,25 @@ class _Row(eqx.Module):
     """All that a row of constant v needs: S = origin + Σ matrix (C(u) − anchor)."""
 
     origin: Float[Array, "3"]
-    matrices: tuple[Float[Array, "3 3"], ...]
+    matrices: Float[Array, "k 3 3"]
 
-    def __call__(self, offsets: list[Float[Array, "3"]]) -> Float[Array, "3"]:
+    def __call__(self, offsets: Float[Array, "k 3"]) -> Float[Array, "3"]:
         """The point with these offsets of the characters."""
-        return sum((m @ d for m, d in zip(self.matrices, offsets, strict=True)), self.origin)
+        return self.origin + self.turned(offsets)
+
+    def turned(self, offsets: Float[Array, "k 3"]) -> Float[Array, "3"]:
+        """Offsets turned alone."""
+        return jnp.sum(self.matrices * offsets[:, None, :], axis=(0, 2))
 
 
 class PreparedSweep(AbstractSurface):
     """A `Sweep` with its curves prepared and its starts computed."""
 
     sweep: Sweep
-    characters: tuple[Any, ...]
+    characters: PreparedFamily
     guides: Guides
-    starts: tuple[_Start, ...]
+    table: Any
+    starts: _Start
 
     @property
     def domain(self) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
@@ -118,32 +125,33 @@ class PreparedSweep(AbstractSurface):
     def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
         rows = jax.vmap(self.row)(v)
         total = jnp.broadcast_to(rows.origin[None], (u.shape[0], *rows.origin.shape))
-        for matrix, offset in zip(rows.matrices, jax.vmap(self.offsets)(u), strict=True):
+        offsets = jax.vmap(self.offsets)(u)
+        for k in range(offsets.shape[1]):
             # by coordinates: the compiler makes one loop over the points of it
             for i in range(3):
-                total = total + offset[:, i, None, None] * matrix[None, :, :, i]
+                total = total + offsets[:, k, i, None, None] * rows.matrices[None, :, k, :, i]
         return total
 
-    def offsets(self, u: Float[Array, ""]) -> list[Float[Array, "3"]]:
+    def offsets(self, u: Float[Array, ""]) -> Float[Array, "k 3"]:
         """C(u) − anchor of each character, its ends on the guides."""
+        offsets = self.characters.points(u) - self.starts.anchor
+        if self.starts.lacks is None:
+            return offsets
         a, b = self.domain[0]
-        found = []
-        for character, start in zip(self.characters, self.starts, strict=True):
-            offset = character.point(carried(u, self.domain[0], character.domain)) - start.anchor
-            found.append(offset if start.lacks is None else offset + (u - a) / (b - a) * start.lacks)
-        return found
+        return offsets + (u - a) / (b - a) * self.starts.lacks
 
     def row(self, v: Float[Array, ""]) -> _Row:
         """What a row of constant v needs."""
         here = self.guides.at(v)
-        matrices = [self._matrix(start, here) for start in self.starts]
-        if len(matrices) == 2:
+        origin = here.positions[0]
+        matrices = jax.vmap(lambda start: self._matrix(start, here))(self.starts)
+        if len(self.sweep.characters) == 2:
             share = self.sweep.blend(self.guides.share(v))
-            matrices = [(1 - share) * matrices[0], share * matrices[1]]
-        return _Row(here.positions[0], tuple(matrices))
+            matrices = jnp.stack([1 - share, share])[:, None, None] * matrices
+        return _Row(origin, matrices)
 
     def _matrix(self, start: _Start, here: Station) -> Float[Array, "3 3"]:
-        turn = self.sweep.rotation.matrix(start.known, here)
+        turn = self.sweep.rotation.matrix(self.table, start.known, here)
         if self.sweep.scale == "none":
             return turn
         ratio = divide(here.chord_length, start.chord_length)
@@ -154,27 +162,38 @@ class PreparedSweep(AbstractSurface):
 
 
 class _SweepRibbons(AbstractRibbons):
-    """Rows at both ends of v with their slopes, and offsets at both ends of u with theirs: known for all shares."""
+    """Rows at both ends of v with two derivatives, and offsets at both ends of u with theirs: known for all shares."""
 
     sweep: PreparedSweep
-    rows: tuple[_Row, _Row]
-    offsets: tuple[list[Float[Array, "2 3"]], list[Float[Array, "2 3"]]]
+    rows: tuple[_Row, _Row, _Row]
+    offsets: tuple[Float[Array, "2 k 3"], Float[Array, "2 k 3"], Float[Array, "2 k 3"]]
 
     def at(self, axis: int, share: Float[Array, ""]) -> Pair:
         if axis == 0:
             row = self.sweep.row(carried(share, (0.0, 1.0), self.sweep.domain[1]))
-            points = jax.vmap(row)(self.offsets[0])
-            return points, jax.vmap(eqx.tree_at(lambda r: r.origin, row, jnp.zeros_like(row.origin)))(self.offsets[1])
+            return jax.vmap(row)(self.offsets[0]), jax.vmap(row.turned)(self.offsets[1])
         here = self.sweep.offsets(carried(share, (0.0, 1.0), self.sweep.domain[0]))
-        points, across = (jax.vmap(lambda row: row(here))(rows) for rows in self.rows)
+        points, across = (jax.vmap(lambda row: row(here))(rows) for rows in self.rows[:2])
         return points, across
+
+    def bends(self, axis: int, share: Float[Array, ""]) -> Ends:
+        if axis == 0:
+            row = self.sweep.row(carried(share, (0.0, 1.0), self.sweep.domain[1]))
+            return jax.vmap(row.turned)(self.offsets[2])
+        here = self.sweep.offsets(carried(share, (0.0, 1.0), self.sweep.domain[0]))
+        return jax.vmap(lambda row: row(here))(self.rows[2])
 
 
 @ribbons_of.register
 def _(surface: PreparedSweep) -> AbstractRibbons:
     ends = jnp.arange(2, dtype=surface.dtype)
-    both = lambda f, domain: jax.vmap(lambda t: value_and_slope(lambda x: f(carried(x, (0.0, 1.0), domain)), t))(ends)
-    return _SweepRibbons(surface, both(surface.row, surface.domain[1]), both(surface.offsets, surface.domain[0]))
+
+    def derived(f: Any, domain: Any) -> tuple[Any, Any, Any]:
+        once = lambda t: value_and_slope(lambda x: f(carried(x, (0.0, 1.0), domain)), t)
+        (values, slopes), (_, bends) = jax.vmap(lambda t: value_and_slope(once, t))(ends)
+        return values, slopes, bends
+
+    return _SweepRibbons(surface, derived(surface.row, surface.domain[1]), derived(surface.offsets, surface.domain[0]))
 
 
 @breaks.register(Sweep)

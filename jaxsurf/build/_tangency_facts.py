@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._prepared import prepare
@@ -91,10 +92,8 @@ def line_facts(shape: TangentSurface) -> dict[int, LineFacts]:
         if any(field is not None for field in shape.fields[2 * axis : 2 * axis + 2]):
             read = lambda t, axis=axis: _of_line(ready.line(axis, t))
             values = jax.vmap(read)(at)
-            ends = [
-                value_and_slope(lambda t, read=read: read(t)["k"], jnp.asarray(float(i), shape.dtype))[1] for i in (0, 1)
-            ]
-            found[axis] = LineFacts(**values, slopes_of_k=jnp.stack(ends))
+            slope = lambda t, read=read: value_and_slope(lambda x: read(x)["k"], t)[1]
+            found[axis] = LineFacts(**values, slopes_of_k=jax.vmap(slope)(at[np.array([0, -1])]))
     return found
 
 

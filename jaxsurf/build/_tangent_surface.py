@@ -13,7 +13,8 @@ from .._registry import register
 from .._safe import divide, norm, unit
 from ..surface import AbstractSurface
 from ..surface._breaks import breaks
-from ._edge_fields import AbstractEdgeField, together
+from ._alike import each
+from ._edge_fields import AbstractEdgeField
 from ._guides import carried, value_and_slope
 from ._ribbons import CORNERS, AbstractRibbons, hermite_weight, ribbons_of
 
@@ -92,11 +93,7 @@ class TangentSurface(AbstractSurface):
 
     def normals(self, axis: int, share: Float[Array, ""], along: Float[Array, "2 3"]) -> dict[int, Float[Array, "3"]]:
         """The unit normals given on sides across an axis, by end; their planes hold the derivatives along the sides."""
-        given = {end: field for end, field in enumerate(self.fields[2 * axis : 2 * axis + 2]) if field is not None}
-        if not given:
-            return {}
-        values = jnp.stack(together(list(given.values()), lambda field: field.normal(share)))
-        return dict(zip(given, jax.vmap(_upright)(values, along[np.array(list(given))]), strict=True))
+        return upright_normals(self.fields, axis, share, along)
 
     def corners(self, ribbons: AbstractRibbons) -> dict[tuple[int, int], Corner]:
         """The corners between sides with fields, inside traced code."""
@@ -108,10 +105,10 @@ class TangentSurface(AbstractSurface):
         known = {}
         given = {side: field for side, field in enumerate(self.fields) if field is not None}
         both = lambda field: jax.vmap(lambda t: value_and_slope(field.normal, t))(ends)
-        values = jax.tree.map(lambda *x: jnp.stack(x), *together(list(given.values()), both))
+        values = jax.tree.map(lambda *x: jnp.stack(x), *each(list(given.values()), both))
         at = np.array([[CORNERS.index((k, end) if k < 2 else (end, k - 2)) for end in (0, 1)] for k in given])
         along = np.array([[1 if k < 2 else 0] * 2 for k in given])
-        turn = lambda m, x: jax.jvp(_upright, (m[0], x[0]), (m[1], x[1]))
+        turn = lambda m, x: jax.jvp(upright, (m[0], x[0]), (m[1], x[1]))
         turned = jax.vmap(jax.vmap(turn))(values, (first[at, along], second[at, along, along]))
         for row, side in enumerate(given):
             known[side] = tuple(x[row] for x in turned)
@@ -173,8 +170,10 @@ class Line(eqx.Module):
     @property
     def below(self) -> Float[Array, "2"]:
         """The denominators of μ₁ and μ₂, the left sides of (4.14)."""
-        first = jnp.cross(self.across[0], self.e) @ jnp.cross(self.own[1], self.normals[0])
-        return jnp.stack([first, jnp.cross(self.across[1], self.e) @ jnp.cross(self.normals[0], self.normals[1])])
+        # ⟨X × e, N × M⟩ = ⟨X, N⟩⟨e, M⟩ − ⟨X, M⟩⟨e, N⟩
+        pair = [jnp.stack([self.own[1], self.normals[0]]), self.normals]
+        (x_n, x_m), (e_n, e_m) = ([jnp.sum(x * y, axis=-1) for y in pair] for x in (self.across, self.e[None]))
+        return x_n * e_m - x_m * e_n
 
     def scaling(self) -> LineMap:
         """Operator F."""
@@ -332,7 +331,18 @@ def alike(normal: Float[Array, "3"], other: Float[Array, "3"]) -> Float[Array, "
     return jnp.where(jax.lax.stop_gradient(normal @ other) < 0, -normal, normal)
 
 
-def _upright(normal: Float[Array, "3"], along: Float[Array, "3"]) -> Float[Array, "3"]:
+def upright_normals(
+    fields: tuple[AbstractEdgeField | None, ...], axis: int, share: Float[Array, ""], along: Float[Array, "2 3"]
+) -> dict[int, Float[Array, "3"]]:
+    """The unit normals of the fields on sides across an axis, by end; their planes hold the derivatives along the sides."""
+    given = {end: field for end, field in enumerate(fields[2 * axis : 2 * axis + 2]) if field is not None}
+    if not given:
+        return {}
+    values = jnp.stack(each(list(given.values()), lambda field: field.normal(share)))
+    return dict(zip(given, jax.vmap(upright)(values, along[np.array(list(given))]), strict=True))
+
+
+def upright(normal: Float[Array, "3"], along: Float[Array, "3"]) -> Float[Array, "3"]:
     """The unit normal of the nearest plane that holds a direction."""
     along = unit(along)
     return unit(normal - (normal @ along) * along)

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from .._array import Numbers, as_float, take
 from .._errors import InputError
 from .._registry import register
-from ..basis import BSplineBasis, check_knots
+from ..basis import BSplineBasis, SplinePieces, check_knots, spline_pieces
 from ._abstract import AbstractCurve
 
 
@@ -53,6 +53,31 @@ class BSplineCurve(AbstractCurve):
 
     def point(self, u: Float[Array, ""]) -> Float[Array, "d"]:
         return combine(self.basis, self.control_points, u)
+
+    def prepared(self) -> "PreparedBSplineCurve":
+        """The curve by its polynomial pieces."""
+        return PreparedBSplineCurve(spline_pieces(self.basis, self.control_points))
+
+
+class PreparedBSplineCurve(AbstractCurve):
+    """A `BSplineCurve` by its polynomial pieces."""
+
+    pieces: SplinePieces
+
+    @property
+    def basis(self) -> BSplineBasis:
+        """The basis functions of this curve."""
+        return self.pieces.basis
+
+    @property
+    def domain(self) -> tuple[Any, Any]:
+        return self.basis.domain
+
+    def prepared(self) -> "PreparedBSplineCurve":
+        return self
+
+    def point(self, u: Float[Array, ""]) -> Float[Array, "d"]:
+        return self.pieces.point(u)
 
 
 def combine(basis: BSplineBasis, rows: Float[Array, "n d"], u: Float[Array, ""]) -> Float[Array, "d"]:

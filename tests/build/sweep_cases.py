@@ -156,7 +156,8 @@ def carried(t: np.ndarray, domain: Any, other: Any) -> np.ndarray:
 @eqx.filter_jit
 def _turns(surface: Any, v: Any, index: int) -> Any:
     prepared = surface.prepared()
-    return jax.vmap(lambda t: surface.rotation.matrix(prepared.starts[index].known, prepared.guides.at(t)))(v)
+    known = jax.tree.map(lambda leaf: leaf[index], prepared.starts.known)
+    return jax.vmap(lambda t: surface.rotation.matrix(prepared.table, known, prepared.guides.at(t)))(v)
 
 
 def turns(surface: Any, v: Any, index: int = 0) -> np.ndarray:

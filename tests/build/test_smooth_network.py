@@ -30,12 +30,10 @@ def sheet(seed):
 def normals_on_sides(network):
     """Unit normals of all patches (p, 4, n, 3) on u0, u1, v0, v1; all patches are of one form."""
     (stack,) = stacked_patches(network)
-    places = [along_side((0, side), (0.0, 1.0), SHARES) for side in SIDES]
+    u, v = jnp.asarray([along_side((0, side), (0.0, 1.0), SHARES) for side in SIDES]).swapaxes(0, 1)
 
     def one(patch):
-        ready = patch.prepared()
-        found = [js.partials(ready, jnp.asarray(u), jnp.asarray(v)).normal for u, v in places]
-        return jnp.stack(found)
+        return js.partials(patch.prepared(), u, v).normal
 
     return eqx.filter_vmap(one)(stack)
 
