@@ -41,7 +41,7 @@ class CurvedSurface(AbstractSurface):
     def prepared(self) -> "PreparedCurvedSurface":
         ready = self.surface.prepared()
         bare = PreparedCurvedSurface(ready, prepare(self.fields), ribbons_of(ready), (None, None), self.operator)
-        tables = tuple(bare.at_corners(axis) if bare.bent(axis) and bare.bent(1 - axis) else None for axis in (0, 1))
+        tables = tuple(bare.at_corners(axis, None) if bare.bent(axis) and bare.bent(1 - axis) else None for axis in (0, 1))
         return PreparedCurvedSurface(ready, bare.fields, bare.ribbons, tables, self.operator)
 
     def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
@@ -93,9 +93,9 @@ class PreparedCurvedSurface(AbstractSurface):
                 total = total - jnp.broadcast_to(counted, total.shape[:2])[..., None] * bent
         return total
 
-    def at_corners(self, axis: int) -> Float[Array, "3 2 4 3"]:
-        """The rows of the first step across an axis at both ends of its sides, and two derivatives by the share."""
-        first = lambda t: value_and_slope(lambda x: self.step(axis, x, None), t)
+    def at_corners(self, axis: int, table: Float[Array, "3 2 4 3"] | None) -> Float[Array, "3 2 4 3"]:
+        """The rows of a step across an axis at both ends of its sides, and two derivatives by the share."""
+        first = lambda t: value_and_slope(lambda x: self.step(axis, x, table), t)
         (rows, once), (_, twice) = jax.vmap(lambda end: value_and_slope(first, end))(jnp.arange(2, dtype=self.dtype))
         return jnp.stack([rows, once, twice])
 

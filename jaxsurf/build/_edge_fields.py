@@ -32,12 +32,14 @@ class AbstractEdgeField(Preparable):
     def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
         """A normal of any length > 0, inside traced code."""
 
+    @property
+    def curved(self) -> bool:
+        """Whether `curvature` is known."""
+        return False
+
     def curvature(self, share: Float[Array, ""]) -> Float[Array, ""]:
-        """The normal curvature across the side, in the direction M × t and by the normal M, where one is known."""
-        raise InputError(
-            f"`order=2` needs curvatures across the side as well, and {type(self).__name__} has none: give "
-            "`curvature={side: values}`, or (surface, side) of a neighbour."
-        )
+        """The normal curvature across the side, in the direction M × t and by the normal M, if `curved`."""
+        raise NotImplementedError
 
     @property
     def weight(self) -> Float[Array, ""] | None:
@@ -85,9 +87,12 @@ class EdgeField(AbstractEdgeField):
         place = (jnp.asarray(float(end), share.dtype), along)[:: 1 - 2 * axis]
         return normal_at(self.surface, *(carried(x, (0.0, 1.0), d) for x, d in zip(place, self.surface.domain, strict=True)))
 
+    @property
+    def curved(self) -> bool:
+        return not self.thin
 
     def curvature(self, share: Float[Array, ""]) -> Float[Array, ""]:
-        return super().curvature(share) if self.thin else self.prepared().curvature(share)
+        return self.prepared().curvature(share)
 
 
 class PreparedEdgeField(AbstractEdgeField):
@@ -101,6 +106,10 @@ class PreparedEdgeField(AbstractEdgeField):
     def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
         (_, across), (along, _) = value_and_slope(self.ribbon.at, self.start + self.step * share)
         return self.sign * unit(jnp.cross(across, along))
+
+    @property
+    def curved(self) -> bool:
+        return True
 
     def curvature(self, share: Float[Array, ""]) -> Float[Array, ""]:
         once = lambda t: value_and_slope(self.ribbon.at, t)
@@ -126,6 +135,10 @@ class CurvatureField(AbstractEdgeField):
 
     def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
         return self.field.normal(share)
+
+    @property
+    def curved(self) -> bool:
+        return True
 
     def curvature(self, share: Float[Array, ""]) -> Float[Array, ""]:
         a, b = self.values.domain if isinstance(self.values, AbstractCurve) else self.domain
@@ -214,6 +227,24 @@ def as_edge_field(given: Any, surface: AbstractSurface, side: str) -> AbstractEd
             f"of the parameter, or (surface, side) of a neighbour, got shape {normals.shape}."
         )
     return CurveField(_through(normals))
+
+
+def with_curvature(field: AbstractEdgeField, given: Any, surface: AbstractSurface, side: str) -> AbstractEdgeField:
+    """A field with curvatures across: a number, numbers (n,) at even shares of the side, or a function of the parameter."""
+    domain = surface.domain[1 if side[0] == "u" else 0]
+    if callable(given):
+        return CurvatureField(field, given, domain)
+    values = as_float(given, surface.dtype)
+    if values.shape == ():
+        values = jnp.broadcast_to(values, (2,))
+    if values.ndim != 1 or values.shape[0] < 2:
+        raise InputError(
+            f"`curvature` of {side} must be a number, numbers (n,) at even shares of the side, or a function of the "
+            f"parameter, got shape {values.shape}."
+        )
+    return CurvatureField(
+        field, _through(jnp.stack([values, jnp.zeros_like(values), jnp.zeros_like(values)], axis=1)), domain
+    )
 
 
 def _through(normals: Float[Array, "n 3"]) -> AbstractCurve:

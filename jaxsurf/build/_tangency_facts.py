@@ -10,10 +10,12 @@ from jaxtyping import Array, Bool, Float
 
 from .._prepared import prepare
 from .._safe import angle, divide, norm, unit
+from ..differential._partials import Partials2, second_partials_at
 from ..surface import AbstractSurface
+from ._curved_surface import CurvedSurface
 from ._guides import value_and_slope
 from ._ribbons import SIDES, hermite_weight, ribbons_of
-from ._tangent_surface import Corner, Line, ScaledSurface, TangentSurface, alike
+from ._tangent_surface import Corner, Line, ScaledSurface, TangentSurface, alike, upright
 
 SAMPLES = 33
 _INSIDE = (0.2, 0.4, 0.6, 0.8)
@@ -142,6 +144,67 @@ def outcome(shape: TangentSurface) -> Outcome:
     u, v = a + (b - a) * at[::2], c + (d - c) * at[::2]
     moved = jnp.max(norm(bent.grid_points(u, v) - base.grid_points(u, v)))
     return Outcome({k: x[0] for k, x in both.items()}, {k: x[1] for k, x in both.items()}, moved)
+
+
+class CurvedOutcome(NamedTuple):
+    """Along the sides: angles to the given planes before and after, the given curvatures across, how far those of the surface
+    are off before and after; the largest displacement."""
+
+    before: dict[str, Float[Array, "n"]]
+    after: dict[str, Float[Array, "n"]]
+    wanted: dict[str, Float[Array, "n"]]
+    bend_before: dict[str, Float[Array, "n"]]
+    bend_after: dict[str, Float[Array, "n"]]
+    moved: Float[Array, ""]
+
+
+@eqx.filter_jit
+def curved_outcome(shape: CurvedSurface) -> CurvedOutcome:
+    """Of the surface as it is bent, by its second derivatives along the sides."""
+    bent, at = shape.prepared(), shares(shape.dtype)
+    domain = [tuple(jnp.asarray(x, shape.dtype) for x in ends) for ends in shape.domain]
+    found: dict[str, Any] = {}
+    for side, field in enumerate(bent.fields):
+        if field is None:
+            continue
+        axis, end = divmod(side, 2)
+        first, last = domain[1 - axis]
+        along, across = first + (last - first) * at, jnp.full_like(at, domain[axis][end])
+        u, v = (across, along) if axis == 0 else (along, across)
+        was, now = (jax.vmap(lambda s, t, x=x: second_partials_at(x, s, t))(u, v) for x in (bent.surface, bent))
+        tangent = now.v if axis == 0 else now.u
+        normal = jax.vmap(upright)(jax.vmap(field.normal)(at), tangent)
+        wanted = jax.vmap(field.curvature)(at)
+        off = [jax.vmap(plane_angle)(p.u, p.v, normal) for p in (was, now)]
+        bends = [jnp.abs(_curvature_across(p, axis, normal) - wanted) for p in (was, now)]
+        found[SIDES[side]] = (*off, wanted, *bends)
+    (a, b), (c, d) = domain
+    u, v = a + (b - a) * at[::2], c + (d - c) * at[::2]
+    moved = jnp.max(norm(bent.grid_points(u, v) - bent.surface.grid_points(u, v)))
+    return CurvedOutcome(*({name: row[k] for name, row in found.items()} for k in range(5)), moved)
+
+
+def _curvature_across(p: Partials2, axis: int, normal: Float[Array, "n 3"]) -> Float[Array, "n"]:
+    """The normal curvature in the direction across a side, by normals on the side of the given ones."""
+    along, across, twice_along, twice_across = (p.v, p.u, p.vv, p.uu) if axis == 0 else (p.u, p.v, p.uu, p.vv)
+    own = jax.vmap(alike)(unit(jnp.cross(p.u, p.v)), normal)
+    dot = lambda x, y: jnp.sum(x * y, axis=-1)
+    t = unit(along)
+    beta = divide(jnp.ones_like(dot(t, t)), dot(across, jnp.cross(own, t)))
+    alpha = -divide(beta * dot(across, t), norm(along))
+    return alpha**2 * dot(twice_along, own) + 2 * alpha * beta * dot(p.uv, own) + beta**2 * dot(twice_across, own)
+
+
+@eqx.filter_jit
+def curved_ends(shape: CurvedSurface) -> tuple[Float[Array, "2 2 4"], Float[Array, "3 2 4"]]:
+    """Lengths of the rows of the first step across both axes at the ends of the sides: what boundary curves cannot follow;
+    and those of the second step across v at the ends, with derivatives: what "hermite" leaves to sides of u."""
+    bent = shape.prepared()
+    ends = jnp.arange(2, dtype=shape.dtype)
+    first = jnp.stack([jax.vmap(lambda t, a=axis: norm(bent.step(a, t, None)))(ends) for axis in (0, 1)])
+    if bent.tables[0] is None:
+        return first, jnp.zeros((3, 2, 4), shape.dtype)
+    return first, norm(bent.at_corners(1, bent.tables[0]))
 
 
 def plane_angle(one: Float[Array, "3"], other: Float[Array, "3"], normal: Float[Array, "3"]) -> Float[Array, ""]:

@@ -1,7 +1,7 @@
 """`tangent_to` and `tangency_report`: planes checked, an operator chosen, and what came of it."""
 
 import warnings
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -10,11 +10,32 @@ from .._arguments import as_type, early
 from .._array import eps, is_concrete
 from .._errors import GeometryWarning, InputError
 from ..surface import AbstractSurface
-from ._edge_fields import as_edge_field
-from ._ribbons import SIDES
-from ._tangency_facts import Corner, LineFacts, SideFacts, is_a_point, line_facts, outcome, predicted, side_facts
+from ._curved_surface import OPERATORS as SECOND_ORDER, CurvedSurface
+from ._edge_fields import as_edge_field, with_curvature
+from ._ribbons import CORNERS, SIDES
+from ._tangency_facts import (
+    Corner,
+    LineFacts,
+    SideFacts,
+    curved_ends,
+    curved_outcome,
+    is_a_point,
+    line_facts,
+    outcome,
+    predicted,
+    side_facts,
+)
+from ._tangency_reports import (
+    CornerReport,
+    CurvatureReport,
+    CurvedCornerReport,
+    CurvedSideReport,
+    SideReport,
+    TangencyReport,
+)
 from ._tangent_surface import OPERATORS, TangentSurface
 
+_LIFT = 0.01728  # the largest value of the quintic with second derivative 1 at an end
 _CORNER = 1e-9  # relative size of ⟨S_v, M_j'⟩ − ⟨S_u, M_i'⟩ up to which corners count as compatible
 
 
@@ -26,8 +47,10 @@ def tangent_to(
     v0: Any = None,
     v1: Any = None,
     operator: str = "auto",
+    order: int = 1,
+    curvature: dict[str, Any] | None = None,
     tolerance: float = 1e-6,
-) -> TangentSurface:
+) -> TangentSurface | CurvedSurface:
     """Bend a surface so that it touches given planes along sides and keeps all four boundary curves.
 
     u0, u1, v0, v1: normals of the planes along the sides u = first, u = last, v = first, v = last, of any length: a function
@@ -38,75 +61,21 @@ def tangent_to(
     operator: "scaling" (F of the paper, which scales lines across as a whole), "hermite" (H, always defined), "gregory" (H
     without conditions at corners), "blend" (F where its lines behave, H elsewhere), or "auto": F if every line behaves,
     else H, and Gregory H where corners are not compatible (5.7) to (5.10); inside `jit` it is Gregory H.
+    order: 2 for the normal curvature across the sides too, G2, by H with quintic weights ("hermite" or "gregory"). It is that
+    of a neighbour given as (surface, side), or `curvature[side]`: a number, numbers (n,) at even steps of the side, or a
+    function of the parameter; positive where the side bends towards the given normal. Where the boundary curve that meets a
+    side at its end has not the normal curvature asked for there, it is moved, and a warning says by how much.
     Raises `InputError` where a plane does not hold its curves, and for F where (4.14) fails. Source: Jōnishi, Yajima (paper
     000), sections 4 and 5.
     """
-    return _bent(surface, {"u0": u0, "u1": u1, "v0": v0, "v1": v1}, operator, tolerance)[0]
-
-
-class SideReport(NamedTuple):
-    """What `tangency_report` says of one side; angles in radians.
-
-    off_side: largest angle between the planes and the side's tangents, (4.3); off_ends: those with the sides met at both
-    ends, (4.4); facing: smallest cosine between the given and the surface's normals, (4.5); chord_slope: smallest
-    |⟨e, N⟩| of (4.13); denominator: smallest left side of (4.14) for unit vectors, at `worst` (the parameter); k: smallest
-    and largest factor; slopes_of_k: k' at both ends; before, after: largest angle between the surface's and the given
-    planes; predicted: that which H leaves where corners are not compatible.
-    """
-
-    side: str
-    off_side: float
-    off_ends: tuple[float, float]
-    facing: float
-    chord_slope: float
-    denominator: float
-    worst: float
-    k: tuple[float, float]
-    slopes_of_k: tuple[float, float]
-    before: float
-    after: float
-    predicted: float
-
-
-class CornerReport(NamedTuple):
-    """A corner of two given sides, such as ("u0", "v1"): the angle between their normals there, (5.4), and the difference
-    ⟨S_v, M_j'⟩ − ⟨S_u, M_i'⟩ of (5.7) to (5.10), also relative to its terms."""
-
-    sides: tuple[str, str]
-    off: float
-    twist: float
-    relative: float
-
-
-class TangencyReport(NamedTuple):
-    """How a surface is bent to planes along its sides, see `SideReport` and `CornerReport`; prints as a table.
-
-    compatible: whether all corners hold (5.4) and (5.7) to (5.10); behaves: share of lines on which F is fit; moved: the
-    largest displacement.
-    """
-
-    operator: str
-    compatible: bool
-    behaves: float
-    moved: float
-    sides: tuple[SideReport, ...]
-    corners: tuple[CornerReport, ...]
-
-    def __str__(self) -> str:
-        lines = [
-            f"operator {self.operator}, moved by {self.moved:.3g} at most, F fit on {100 * self.behaves:.0f} % of the lines"
-        ]
-        lines.append("side  (4.3)    (4.4)    (4.5)   (4.13)   (4.14)   k              before    after     predicted")
-        for s in self.sides:
-            lines.append(
-                f"{s.side}    {s.off_side:<8.1e} {max(s.off_ends):<8.1e} {s.facing:<7.3f} {s.chord_slope:<8.1e} "
-                f"{s.denominator:<8.1e} {s.k[0]:<6.3g} {s.k[1]:<7.3g} {s.before:<9.2e} {s.after:<9.2e} {s.predicted:.2e}"
-            )
-        for c in self.corners:
-            lines.append(
-                f"corner {c.sides[0]} {c.sides[1]}: normals {c.off:.1e} rad apart, twist condition off by {c.twist:.2e}"
-            )
-        return "\n".join(lines)
+    given = {"u0": u0, "u1": u1, "v0": v0, "v1": v1}
+    if order == 2:
+        return _curved(surface, given, operator, curvature or {}, tolerance)[0]
+    if order != 1:
+        raise InputError(f"`order` must be 1 for tangent planes or 2 for curvature too, got {order!r}.")
+    if curvature is not None:
+        raise InputError("`curvature` counts with `order=2` alone; give that too, or leave it out.")
+    return _bent(surface, given, operator, tolerance)[0]
 
 
 def tangency_report(
@@ -117,10 +86,14 @@ def tangency_report(
     v0: Any = None,
     v1: Any = None,
     operator: str = "auto",
+    order: int = 1,
+    curvature: dict[str, Any] | None = None,
     tolerance: float = 1e-6,
-) -> TangencyReport:
+) -> TangencyReport | CurvatureReport:
     """What `tangent_to` with the same arguments does to a surface, and what it finds on its sides and corners."""
     given = {"u0": u0, "u1": u1, "v0": v0, "v1": v1}
+    if order == 2:
+        return _curvature_report(*_curved(surface, given, operator, curvature or {}, tolerance))
     bent, sides, corners = _bent(surface, given, operator, tolerance)
     if not is_concrete(bent):
         raise InputError("`surface` of a report must be known, got one inside `jit` or `grad`; call it outside.")
@@ -153,6 +126,67 @@ def tangency_report(
     behaves = float(np.mean([np.mean(np.asarray(line.behave)) for line in lines.values()]))
     found = tuple(_corner_report(at, corner) for at, corner in corners.items())
     return TangencyReport(bent.operator, _compatible(corners, tolerance), behaves, float(done.moved), tuple(reports), found)
+
+
+def _curvature_report(bent: CurvedSurface, ends: Any) -> CurvatureReport:
+    if ends is None:
+        raise InputError("`surface` of a report must be known, got one inside `jit` or `grad`; call it outside.")
+    done, (first, left) = curved_outcome(bent), (np.asarray(x) for x in ends)
+    most = lambda values: float(np.max(np.asarray(values)))
+    sides = []
+    for name in done.before:
+        axis, end = divmod(SIDES.index(name), 2)
+        rows = [done.before, done.after, {name: np.abs(done.wanted[name])}, done.bend_before, done.bend_after]
+        sides.append(CurvedSideReport(name, *(most(row[name]) for row in rows), _LIFT * most(first[axis, :, 2 + end])))
+    corners = [
+        CurvedCornerReport(
+            (f"u{i}", f"v{j}"),
+            float(left[1, i, j]),
+            (float(left[1, i, 2 + j]), float(left[2, i, j])),
+            float(left[2, i, 2 + j]),
+        )
+        for i, j in CORNERS
+        if bent.fields[i] is not None and bent.fields[2 + j] is not None
+    ]
+    compatible = bool(left[1:].max() <= _CORNER * max(1.0, max(side.curvature for side in sides)))
+    return CurvatureReport(bent.operator, compatible, float(done.moved), tuple(sides), tuple(corners))
+
+
+def _curved(
+    surface: AbstractSurface, given: dict[str, Any], operator: str, curvature: dict[str, Any], tolerance: float
+) -> tuple[CurvedSurface, Any]:
+    """The surface bent to second order, and what is known at the ends of its sides, if anything is."""
+    if operator not in ("auto", *SECOND_ORDER):
+        raise InputError(f"`operator` of order 2 must be auto, hermite or gregory, got {operator!r}.")
+    unknown = [side for side in curvature if side not in SIDES or given[side] is None]
+    if unknown:
+        raise InputError(f"`curvature` must be of sides with normals, among u0, u1, v0, v1, got {unknown[0]!r}.")
+    flat, known, _ = _bent(surface, given, "gregory", tolerance)
+    fields = list(flat.fields)
+    for k, (side, field) in enumerate(zip(SIDES, fields, strict=True)):
+        if field is not None and side in curvature:
+            fields[k] = field = as_type(with_curvature(field, curvature[side], surface, side), surface.dtype)
+        if field is not None and not field.curved:
+            raise InputError(
+                f"`{side}` needs curvatures across it for `order=2`: give `curvature={{'{side}': values}}`, or (surface, side) "
+                "of a neighbour."
+            )
+    across = [any(field is not None for field in fields[k : k + 2]) for k in (0, 2)]
+    kind = operator if operator != "auto" else "gregory" if all(across) else "hermite"
+    bent = CurvedSurface(surface, tuple(fields), kind)
+    if not is_concrete(bent):
+        return bent, None
+    ends = early(curved_ends, bent)
+    moved = _LIFT * float(np.max(np.asarray(ends[0])[..., 2:]))
+    size = float(np.max(np.ptp(np.concatenate([facts.point for facts in known.values()]), axis=0)))
+    if moved > max(tolerance, 1e3 * eps(surface.dtype)) * size:
+        warnings.warn(
+            f"Boundary curves have not the normal curvature that is asked for where they meet a side: they move by up to "
+            f"{moved:.2g}; take `order=1`, or curvatures that fit them.",
+            GeometryWarning,
+            stacklevel=3,
+        )
+    return bent, ends
 
 
 def _bent(
