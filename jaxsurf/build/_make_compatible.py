@@ -112,8 +112,8 @@ def make_compatible(
         raise InputError(
             f"`{side}` must give finite normals of length > 0 all along the side, across its curve; it does not."
         )
-    kept = [side for side in range(4) if fields[side] is not None]
-    made = {SIDES[k]: MendedField(surface, fields[k], values[k], slopes[k], SIDES[k]) for k in kept}
+    kept = {k: field for k, field in enumerate(fields) if field is not None}
+    made = {SIDES[k]: MendedField(surface, field, values[k], slopes[k], SIDES[k]) for k, field in kept.items()}
     return MendedFields(made, {SIDES[k]: float(moved[k]) if is_concrete(moved) else moved[k] for k in kept})
 
 

@@ -316,11 +316,11 @@ def _corner_terms(
     kind: SeamClass, read: Read, seams: Array, turned: Array, held: Array, chosen: Array, turning: Array, lengths: Array
 ) -> Array:
     """½ (ρ + ρ̃) n at the corners of a patch, and its derivatives by the numbers of the seams, (2, 2, 3, 1 + 4 slots)."""
-    starts = np.concatenate([[0], np.cumsum(kind.counts)])
+    starts = np.cumsum((0, *kind.counts))
     slots = int(starts[-1])
     corners = np.array(CORNERS)
     # at a corner (i, j) the side u = i, whose end there is its j-th, and the side v = j
-    about, last = corners + [0, 2], corners[:, ::-1]
+    about, last = corners + np.array([0, 2]), corners[:, ::-1]
     slot = np.where(last, starts[about + 1] - 1, starts[about])
     du, dv = jnp.moveaxis(read.first.reshape(4, 2, 3), 1, 0)
     across = jnp.cross(du, dv)

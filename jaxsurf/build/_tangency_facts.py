@@ -147,8 +147,8 @@ def outcome(shape: TangentSurface) -> Outcome:
 
 
 class CurvedOutcome(NamedTuple):
-    """Along the sides: angles to the given planes before and after, the given curvatures across, how far those of the surface
-    are off before and after; the largest displacement."""
+    """Along the sides: angles to the given planes before and after, the given curvatures across, how far those of the
+    surface are off before and after; the largest displacement."""
 
     before: dict[str, Float[Array, "n"]]
     after: dict[str, Float[Array, "n"]]
@@ -181,7 +181,8 @@ def curved_outcome(shape: CurvedSurface) -> CurvedOutcome:
     (a, b), (c, d) = domain
     u, v = a + (b - a) * at[::2], c + (d - c) * at[::2]
     moved = jnp.max(norm(bent.grid_points(u, v) - bent.surface.grid_points(u, v)))
-    return CurvedOutcome(*({name: row[k] for name, row in found.items()} for k in range(5)), moved)
+    before, after, wanted, bend_before, bend_after = ({name: row[k] for name, row in found.items()} for k in range(5))
+    return CurvedOutcome(before, after, wanted, bend_before, bend_after, moved)
 
 
 def _curvature_across(p: Partials2, axis: int, normal: Float[Array, "n 3"]) -> Float[Array, "n"]:

@@ -61,10 +61,10 @@ def tangent_to(
     operator: "scaling" (F of the paper, which scales lines across as a whole), "hermite" (H, always defined), "gregory" (H
     without conditions at corners), "blend" (F where its lines behave, H elsewhere), or "auto": F if every line behaves,
     else H, and Gregory H where corners are not compatible (5.7) to (5.10); inside `jit` it is Gregory H.
-    order: 2 for the normal curvature across the sides too, G2, by H with quintic weights ("hermite" or "gregory"). It is that
-    of a neighbour given as (surface, side), or `curvature[side]`: a number, numbers (n,) at even steps of the side, or a
-    function of the parameter; positive where the side bends towards the given normal. Where the boundary curve that meets a
-    side at its end has not the normal curvature asked for there, it is moved, and a warning says by how much.
+    order: 2 for the normal curvature across the sides too, G2, by H with quintic weights ("hermite" or "gregory"). It is
+    that of a neighbour given as (surface, side), or `curvature[side]`: a number, numbers (n,) at even steps of the side, or
+    a function of the parameter; positive where the side bends towards the given normal. Where the boundary curve that meets
+    a side at its end has not the normal curvature asked for there, it is moved, and a warning says by how much.
     Raises `InputError` where a plane does not hold its curves, and for F where (4.14) fails. Source: Jōnishi, Yajima (paper
     000), sections 4 and 5.
     """
@@ -136,8 +136,10 @@ def _curvature_report(bent: CurvedSurface, ends: Any) -> CurvatureReport:
     sides = []
     for name in done.before:
         axis, end = divmod(SIDES.index(name), 2)
-        rows = [done.before, done.after, {name: np.abs(done.wanted[name])}, done.bend_before, done.bend_after]
-        sides.append(CurvedSideReport(name, *(most(row[name]) for row in rows), _LIFT * most(first[axis, :, 2 + end])))
+        numbers = [most(row[name]) for row in (done.before, done.after, done.bend_before, done.bend_after)]
+        before, after, bend_before, bend_after = numbers
+        largest, boundary = most(np.abs(done.wanted[name])), _LIFT * most(first[axis, :, 2 + end])
+        sides.append(CurvedSideReport(name, before, after, largest, bend_before, bend_after, boundary))
     corners = [
         CurvedCornerReport(
             (f"u{i}", f"v{j}"),
@@ -168,8 +170,8 @@ def _curved(
             fields[k] = field = as_type(with_curvature(field, curvature[side], surface, side), surface.dtype)
         if field is not None and not field.curved:
             raise InputError(
-                f"`{side}` needs curvatures across it for `order=2`: give `curvature={{'{side}': values}}`, or (surface, side) "
-                "of a neighbour."
+                f"`{side}` needs curvatures across it for `order=2`: give `curvature={{'{side}': values}}`, or "
+                "(surface, side) of a neighbour."
             )
     across = [any(field is not None for field in fields[k : k + 2]) for k in (0, 2)]
     kind = operator if operator != "auto" else "gregory" if all(across) else "hermite"

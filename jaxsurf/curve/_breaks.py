@@ -10,7 +10,7 @@ from jaxtyping import Array
 from .._array import concrete, float_type, is_concrete
 from ..basis import BSplineBasis
 from ._abstract import AbstractCurve
-from ._bspline import BSplineCurve, PreparedBSplineCurve
+from ._bspline import BSplineCurve
 
 SPANS = 8
 """Into how many spans a domain is split of which nothing is known."""
@@ -51,6 +51,5 @@ def _(shape: AbstractCurve) -> np.ndarray | Array:
 
 
 @breaks.register(BSplineCurve)
-@breaks.register(PreparedBSplineCurve)
-def _(shape: BSplineCurve | PreparedBSplineCurve) -> np.ndarray | Array:
+def _(shape: BSplineCurve) -> np.ndarray | Array:
     return knot_breaks(shape.basis)

@@ -56,22 +56,17 @@ class BSplineCurve(AbstractCurve):
 
     def prepared(self) -> "PreparedBSplineCurve":
         """The curve by its polynomial pieces."""
-        return PreparedBSplineCurve(spline_pieces(self.basis, self.control_points))
+        return PreparedBSplineCurve(self)
 
 
-class PreparedBSplineCurve(AbstractCurve):
-    """A `BSplineCurve` by its polynomial pieces."""
+class PreparedBSplineCurve(BSplineCurve):
+    """A `BSplineCurve` with its polynomial pieces."""
 
     pieces: SplinePieces
 
-    @property
-    def basis(self) -> BSplineBasis:
-        """The basis functions of this curve."""
-        return self.pieces.basis
-
-    @property
-    def domain(self) -> tuple[Any, Any]:
-        return self.basis.domain
+    def __init__(self, curve: BSplineCurve):
+        super().__init__(curve.control_points, curve.knots, curve.degree, curve.periodic)
+        self.pieces = spline_pieces(self.basis, self.control_points)
 
     def prepared(self) -> "PreparedBSplineCurve":
         return self

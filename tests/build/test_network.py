@@ -64,6 +64,7 @@ def test_edges_between_nodes_keep_tangent_and_curvature_of_the_character():
     assert lifted.largest_gap == max(gap.distance for gap in lifted.gaps)
     assert largest_gap_of_edges(lifted) < 1e-13
     patch, other = lifted.patches[0], lifted.patches[2]
+    assert isinstance(patch, js.build.Sweep) and isinstance(other, js.build.Sweep)
     edge, after, kept = patch.characters[1], other.characters[1], patch.guides.curves[0]
     assert isinstance(edge, NetworkEdge) and isinstance(after, NetworkEdge) and isinstance(kept, NetworkEdge)
     ends = [float(edge.ends[1]), float(after.ends[0])]

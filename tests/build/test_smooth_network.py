@@ -72,7 +72,7 @@ def test_node_equations_are_those_of_the_theory():
         ends = np.flatnonzero(seams.nodes == node)
         if len(ends) == 4:
             rows = [row for row, joint in enumerate(seams.joints) if joint.ends[0] in ends]
-            own = matrix[np.ix_(rows, ends)]
+            own = matrix[rows][:, ends]
             assert np.linalg.matrix_rank(own) == 3
             assert sorted(np.abs(np.linalg.svd(own)[2][-1])) == pytest.approx(sorted(np.abs(alternating) / 2))
     wanted = matrix @ np.random.default_rng(0).normal(size=matrix.shape[1])
