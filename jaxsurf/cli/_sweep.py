@@ -74,4 +74,4 @@ def _on_guide(surface: Any, index: int, v: np.ndarray) -> Any:
     import jax.numpy as jnp
 
     guides = surface.guides.prepared()
-    return jax.vmap(lambda t: guides.position(index, t))(jnp.asarray(v))
+    return jax.vmap(lambda t: guides.at(t).positions[index])(jnp.asarray(v))
