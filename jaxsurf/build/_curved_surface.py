@@ -8,7 +8,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._prepared import prepare
-from .._registry import register
 from .._safe import divide, norm, unit
 from ..surface import AbstractSurface
 from ..surface._breaks import breaks
@@ -20,7 +19,6 @@ from ._tangent_surface import upright_normals
 OPERATORS = ("hermite", "gregory")
 
 
-@register
 class CurvedSurface(AbstractSurface):
     """A surface bent so that along some sides it is tangent to planes and has given normal curvatures across, G2.
 
