@@ -1,5 +1,6 @@
 from ._bspline import (
     BSplineBasis as BSplineBasis,
+    Places as Places,
     local_values as local_values,
     span_polynomials as span_polynomials,
 )
@@ -16,7 +17,7 @@ from ._knots import (
     periodic_knots as periodic_knots,
     uniform_knots as uniform_knots,
 )
-from ._pieces import SplinePieces as SplinePieces, spline_pieces as spline_pieces
+from ._pieces import SplinePieces as SplinePieces, horner as horner, spline_pieces as spline_pieces
 from ._refine import (
     elevated_knots as elevated_knots,
     elevation_matrix as elevation_matrix,

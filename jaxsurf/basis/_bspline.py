@@ -1,5 +1,7 @@
 """The B-spline basis at one parameter: span, local values, matrices."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -11,6 +13,14 @@ from .._safe import divide
 from ._knots import extend_periodic
 
 _SCAN_LIMIT = 20  # inner knots up to which comparing with all of them beats bisection
+
+
+class Places(NamedTuple):
+    """Where spans are: inner knots to count, and middle and scale of t = (u − middle) · scale in each span."""
+
+    steps: Float[Array, "inner"]
+    middle: Float[Array, "spans"]
+    scale: Float[Array, "spans"]
 
 
 class BSplineBasis(eqx.Module):
@@ -48,8 +58,8 @@ class BSplineBasis(eqx.Module):
 
         The index is unrolled; `control_index` maps it to a control point.
         """
-        middle, scale, coefficients = span_polynomials(self.unrolled_knots, self.degree)
-        first, t, _ = self.place(u, middle, scale)
+        places, coefficients = span_polynomials(self.unrolled_knots, self.degree)
+        first, t, _ = self.place(u, places)
         # Horner on rows of degree + 1 numbers: one loop that the compiler keeps whole. De Boor's triangle
         # point by point has 12 divisions for a cubic and twice the time.
         values = take(coefficients[self.degree], first)
@@ -59,21 +69,19 @@ class BSplineBasis(eqx.Module):
 
     def span(self, u: Float[Array, ""]) -> Int[Array, ""]:
         """Index of the first function that does not vanish around `u`, inside one period: the number of its span."""
-        return steps_passed(inner_steps(self.unrolled_knots, self.degree), u)
+        return _steps_passed(_inner_steps(self.unrolled_knots, self.degree), u)
 
     def wrapped(self, u: Float[Array, ""]) -> Float[Array, ""]:
         """A parameter inside one period; of what is not periodic, as it is."""
         return _wrap(u, self.knots) if self.periodic else u
 
-    def place(
-        self, u: Float[Array, ""], middle: Float[Array, "spans"], scale: Float[Array, "spans"]
-    ) -> tuple[Int[Array, ""], Float[Array, ""], Float[Array, ""]]:
-        """Index of the first function that does not vanish around `u`, the place t in its span, and dt/du; `middle` and
-        `scale` are those of `span_polynomials`."""
+    def place(self, u: Float[Array, ""], places: Places) -> tuple[Int[Array, ""], Float[Array, ""], Float[Array, ""]]:
+        """Index of the first function that does not vanish around `u`, the place t in its span, and dt/du; `places` are
+        those of `span_polynomials`."""
         u = self.wrapped(u)
-        first = self.span(u)
-        slope = take(scale, first)
-        return first, (u - take(middle, first)) * slope, slope
+        first = _steps_passed(places.steps, u)
+        slope = take(places.scale, first)
+        return first, (u - take(places.middle, first)) * slope, slope
 
     def near(self, u: Float[Array, ""]) -> tuple[Int[Array, ""], Float[Array, "w"], Float[Array, ""]]:
         """Index of the first function that does not vanish around `u`, the knots that those functions need,
@@ -108,12 +116,10 @@ class BSplineBasis(eqx.Module):
         return jax.vmap(self.row)(u)
 
 
-def span_polynomials(
-    knots: Float[Array, "k"], degree: int
-) -> tuple[Float[Array, "spans"], Float[Array, "spans"], list[Float[Array, "spans q"]]]:
+def span_polynomials(knots: Float[Array, "k"], degree: int) -> tuple[Places, list[Float[Array, "spans q"]]]:
     """The basis on every span as polynomials in t = (u - middle) · scale, which runs over [-1, 1].
 
-    Returns middle, scale and, by power of t, the coefficients of the `degree + 1` functions that do not
+    Returns where the spans are and, by power of t, the coefficients of the `degree + 1` functions that do not
     vanish. Powers about the middle lose little: values are within 1e-15 to degree 19. Empty spans get zeros;
     they are never looked up.
     """
@@ -133,7 +139,7 @@ def span_polynomials(
         own, other = share[:, 1:], share[:, :-1]  # of the function itself, and of the one before it
         left, right = places[:, p - d : p + 1], places[:, p + 1 : p + 2 + d]
         values = (right * own[:, :, 1:] - own[:, :, :-1]) + (other[:, :, :-1] - left * other[:, :, 1:])
-    return middle, scale, [values[:, :, power] for power in range(degree + 1)]
+    return Places(_inner_steps(knots, degree), middle, scale), [values[:, :, power] for power in range(degree + 1)]
 
 
 def local_values(near: list[Float[Array, ""]], degree: int, u: Float[Array, ""]) -> list[Float[Array, ""]]:
@@ -152,15 +158,15 @@ def local_values(near: list[Float[Array, ""]], degree: int, u: Float[Array, ""])
     return values
 
 
-def inner_steps(knots: Float[Array, "k"], degree: int) -> Float[Array, "inner"]:
-    """The inner knots, for `steps_passed`. Knots equal to an end of the domain never count as passed or passable, so the
+def _inner_steps(knots: Float[Array, "k"], degree: int) -> Float[Array, "inner"]:
+    """The inner knots, for `_steps_passed`. Knots equal to an end of the domain never count as passed or passable, so the
     span found is not empty, whatever the end multiplicities and wherever the parameter is."""
     start, end = knots[degree], knots[-degree - 1]
     inner = knots[degree + 1 : -degree - 1]
     return jnp.where(inner <= start, -jnp.inf, jnp.where(inner >= end, jnp.inf, inner))
 
 
-def steps_passed(steps: Float[Array, "inner"], u: Float[Array, ""]) -> Int[Array, ""]:
+def _steps_passed(steps: Float[Array, "inner"], u: Float[Array, ""]) -> Int[Array, ""]:
     """How many are at or below `u`: the number of its span, and of the first function that does not vanish there."""
     return _bisect(steps, u) if steps.shape[0] > _SCAN_LIMIT else jnp.sum(u >= steps, dtype=jnp.int32)
 

@@ -1,6 +1,7 @@
 """A spline as one polynomial on each of its spans."""
 
 from functools import reduce
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,32 +9,33 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._array import take
-from ._bspline import BSplineBasis, inner_steps, span_polynomials, steps_passed
+from ._bspline import BSplineBasis, Places, span_polynomials
 
 
 class SplinePieces(eqx.Module):
-    """Coefficients (spans, d), by powers of the place t = (u − middle) · scale in the span.
+    """Coefficients (spans, d), by powers of the place in the span.
 
     Made once for many points: Horner's rule on one row needs no basis values, and a program of a fifth of the operations.
     """
 
     basis: BSplineBasis
-    steps: Float[Array, "inner"]
-    middle: Float[Array, "spans"]
-    scale: Float[Array, "spans"]
+    places: Places
     coefficients: list[Float[Array, "spans d"]]
 
     def point(self, u: Float[Array, ""]) -> Float[Array, "d"]:
         """The point at one parameter."""
-        u = self.basis.wrapped(u)
-        first = steps_passed(self.steps, u)
-        t = (u - take(self.middle, first)) * take(self.scale, first)
-        return reduce(lambda total, c: total * t + c, [take(rows, first) for rows in self.coefficients[::-1]])
+        first, t, _ = self.basis.place(u, self.places)
+        return horner(t, [take(rows, first) for rows in self.coefficients])
 
 
 def spline_pieces(basis: BSplineBasis, rows: Float[Array, "n d"]) -> SplinePieces:
     """The pieces of Σ B_i rows_i, from the polynomials of the basis functions."""
-    middle, scale, functions = span_polynomials(basis.unrolled_knots, basis.degree)
-    about = basis.unroll(rows)[np.arange(middle.shape[0])[:, None] + np.arange(basis.degree + 1)]
+    places, functions = span_polynomials(basis.unrolled_knots, basis.degree)
+    about = basis.unroll(rows)[np.arange(places.middle.shape[0])[:, None] + np.arange(basis.degree + 1)]
     rows = jnp.einsum("pai,aid->pad", jnp.stack(functions), about, precision="highest")
-    return SplinePieces(basis, inner_steps(basis.unrolled_knots, basis.degree), middle, scale, list(rows))
+    return SplinePieces(basis, places, list(rows))
+
+
+def horner(t: Float[Array, ""], coefficients: Any) -> Float[Array, "d"]:
+    """A polynomial by its coefficients, lowest power first."""
+    return reduce(lambda total, c: total * t + c, coefficients[::-1])

@@ -2,24 +2,20 @@
 
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._prepared import prepare
 from .._safe import divide, norm, unit
-from ..surface import AbstractSurface
-from ..surface._breaks import breaks
-from ._edge_fields import AbstractEdgeField
-from ._guides import carried, value_and_slope
+from ._guides import shares_of, value_and_slope, with_two_slopes
 from ._ribbons import AbstractRibbons, ribbons_of
-from ._tangent_surface import upright_normals
+from ._tangent_surface import AbstractBentSurface, weighted
 
 OPERATORS = ("hermite", "gregory")
 
 
-class CurvedSurface(AbstractSurface):
+class CurvedSurface(AbstractBentSurface):
     """A surface bent so that along some sides it is tangent to planes and has given normal curvatures across, G2.
 
     Made by `js.tangent_to` with `order=2`. fields: normals with curvatures along the sides u = first, u = last, v = first,
@@ -28,52 +24,27 @@ class CurvedSurface(AbstractSurface):
     the normal parts of S_u and S_uu; S_u and S_uu go to the plane and to the normal curvature of the target.
     """
 
-    surface: AbstractSurface
-    fields: tuple[AbstractEdgeField | None, ...]
-    operator: str = eqx.field(static=True)
-
-    @property
-    def domain(self) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
-        return self.surface.domain
-
     def prepared(self) -> "PreparedCurvedSurface":
         ready = self.surface.prepared()
-        bare = PreparedCurvedSurface(ready, prepare(self.fields), ribbons_of(ready), (None, None), self.operator)
+        bare = PreparedCurvedSurface(ready, prepare(self.fields), self.operator, ribbons_of(ready), (None, None))
         tables = tuple(bare.at_corners(axis, None) if bare.bent(axis) and bare.bent(1 - axis) else None for axis in (0, 1))
-        return PreparedCurvedSurface(ready, bare.fields, bare.ribbons, tables, self.operator)
-
-    def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
-        return self.prepared().point(u, v)
-
-    def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
-        return self.prepared().grid_points(u, v)
+        return PreparedCurvedSurface(ready, bare.fields, self.operator, bare.ribbons, tables)
 
 
-class PreparedCurvedSurface(AbstractSurface):
+class PreparedCurvedSurface(AbstractBentSurface):
     """A `CurvedSurface` by the ribbons of its sides.
 
     tables: for each axis the rows of its first step at both ends of the sides, with two derivatives, (orders, ends, 4, 3).
     """
 
-    surface: AbstractSurface
-    fields: tuple[AbstractEdgeField | None, ...]
     ribbons: AbstractRibbons
     tables: tuple[Float[Array, "3 2 4 3"] | None, ...]
-    operator: str = eqx.field(static=True)
-
-    @property
-    def domain(self) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
-        return self.surface.domain
 
     def prepared(self) -> "PreparedCurvedSurface":
         return self
 
-    def bent(self, axis: int) -> bool:
-        """Whether a side across an axis has a field."""
-        return any(field is not None for field in self.fields[2 * axis : 2 * axis + 2])
-
     def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
-        s, t = self._shares(u, v)
+        s, t = shares_of(u, v, self.domain)
         total = self.surface.point(u, v)
         for axis, (along, across) in enumerate(((t, s), (s, t))):
             for counted, rows in zip(self._counted(axis, s, t), self.rows(axis, along), strict=True):
@@ -81,7 +52,7 @@ class PreparedCurvedSurface(AbstractSurface):
         return total
 
     def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
-        s, t = self._shares(u, v)
+        s, t = shares_of(u, v, self.domain)
         total = self.surface.grid_points(u, v)
         for axis, (along, across) in enumerate(((t, s), (s, t))):
             all_rows = jax.vmap(lambda x, axis=axis: self.rows(axis, x))(along)
@@ -93,9 +64,8 @@ class PreparedCurvedSurface(AbstractSurface):
 
     def at_corners(self, axis: int, table: Float[Array, "3 2 4 3"] | None) -> Float[Array, "3 2 4 3"]:
         """The rows of a step across an axis at both ends of its sides, and two derivatives by the share."""
-        first = lambda t: value_and_slope(lambda x: self.step(axis, x, table), t)
-        (rows, once), (_, twice) = jax.vmap(lambda end: value_and_slope(first, end))(jnp.arange(2, dtype=self.dtype))
-        return jnp.stack([rows, once, twice])
+        ends = jnp.arange(2, dtype=self.dtype)
+        return jnp.stack(jax.vmap(lambda end: with_two_slopes(lambda x: self.step(axis, x, table), end))(ends))
 
     def rows(self, axis: int, share: Float[Array, ""]) -> list[Float[Array, "4 3"]]:
         """Those of the steps across an axis that count: on the surface as it is, and after the other axis's step."""
@@ -111,8 +81,8 @@ class PreparedCurvedSurface(AbstractSurface):
 
     def step(self, axis: int, share: Float[Array, ""], table: Float[Array, "3 2 4 3"] | None) -> Float[Array, "4 3"]:
         """What is taken away across an axis, as multiples of `weights`, from the surface less what `table` says."""
-        (normals, _), (turning, _) = value_and_slope(lambda t: self._planes(axis, t, table)[:2], share)
-        _, along, across, second = self._planes(axis, share, table)
+        planes = lambda t: self._planes(axis, t, table)
+        normals, turning, (along, across, second) = jax.jvp(planes, (share,), (jnp.ones_like(share),), has_aux=True)
         speed = norm(along)
         t = unit(along)
         b = jnp.cross(normals, t)
@@ -121,12 +91,12 @@ class PreparedCurvedSurface(AbstractSurface):
         kept = self.fields[2 * axis : 2 * axis + 2]
         curvatures = jnp.stack([jnp.zeros((), self.dtype) if f is None else f.curvature(share) for f in kept])
         wanted = x_b * x_b * curvatures - divide(x_t * x_t * dot(turning, t) + 2 * x_t * x_b * dot(turning, b), speed)
-        held = jnp.stack([_held(field, self.dtype) for field in kept])
+        held = jnp.stack([weighted(jnp.ones((), self.dtype), field) for field in kept])
         found = jnp.concatenate([held * dot(across, normals), held * (dot(second, normals) - wanted)])
         return found[:, None] * jnp.concatenate([normals, normals])
 
-    def _planes(self, axis: int, share: Float[Array, ""], table: Any) -> tuple[Array, Array, Array, Array]:
-        """Unit normals at both sides across an axis, 0 where none are given, and derivatives along, across and twice so."""
+    def _planes(self, axis: int, share: Float[Array, ""], table: Any) -> tuple[Array, tuple[Array, Array, Array]]:
+        """Unit normals at both sides across an axis, 0 where none are given; derivatives along, across and twice so."""
         _, across, along = self.ribbons.sides(axis, share)
         second = self.ribbons.bends(axis, share)
         if table is not None:
@@ -134,9 +104,9 @@ class PreparedCurvedSurface(AbstractSurface):
             taken = lambda weight, rows: jnp.sum(weight[None, :, None] * rows, axis=1)
             along = along - taken(slopes, table[0])
             across, second = across - taken(by, table[1]), second - taken(by, table[2])
-        given = upright_normals(self.fields, axis, share, along)
+        given = self.normals(axis, share, along)
         normals = jnp.stack([given[end] if end in given else jnp.zeros(3, self.dtype) for end in (0, 1)])
-        return normals, along, across, second
+        return normals, (along, across, second)
 
     def _counted(self, axis: int, s: Any, t: Any) -> list[Any]:
         """How much each of `rows` counts."""
@@ -149,24 +119,8 @@ class PreparedCurvedSurface(AbstractSurface):
         last = jnp.where(a + b == 0, 0.5, divide(b * b, a * a + b * b))
         return [1 - last, last] if axis == 0 else [last, 1 - last]
 
-    def _shares(self, u: Any, v: Any) -> tuple[Any, Any]:
-        along_u, along_v = self.domain
-        return carried(u, along_u, (0.0, 1.0)), carried(v, along_v, (0.0, 1.0))
-
 
 def weights(t: Float[Array, ""]) -> Float[Array, "4"]:
     """Quintics with derivative 1 at 0 and at 1, and with second derivative 1 there; all else at both ends is 0."""
     r = 1 - t
     return jnp.stack([t * r**3 * (1 + 3 * t), -r * t**3 * (1 + 3 * r), 0.5 * t * t * r**3, 0.5 * t**3 * r * r])
-
-
-def _held(field: AbstractEdgeField | None, dtype: Any) -> Any:
-    if field is None:
-        return jnp.zeros((), dtype)
-    return jnp.ones((), dtype) if field.weight is None else field.weight
-
-
-@breaks.register(CurvedSurface)
-@breaks.register(PreparedCurvedSurface)
-def _(shape: Any) -> tuple[Any, Any]:
-    return breaks(shape.surface)

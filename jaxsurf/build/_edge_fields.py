@@ -3,7 +3,7 @@
 import abc
 import math
 from collections.abc import Callable
-from functools import cache, reduce
+from functools import cache
 from typing import Any
 
 import equinox as eqx
@@ -11,17 +11,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._arguments import as_type
 from .._array import as_float
 from .._errors import InputError
 from .._prepared import Preparable
 from .._registry import register
 from .._safe import divide, norm, unit
-from ..basis import clamped_knots
+from ..basis import clamped_knots, horner
 from ..convert import interpolate
 from ..curve import AbstractCurve, BSplineCurve
 from ..differential import normal_at
 from ..surface import AbstractSurface
-from ._guides import carried, value_and_slope
+from ._guides import carried, value_and_slope, with_two_slopes
 from ._ribbons import SIDES, AbstractRibbon, ribbon_of
 
 
@@ -112,16 +113,25 @@ class PreparedEdgeField(AbstractEdgeField):
         return True
 
     def curvature(self, share: Float[Array, ""]) -> Float[Array, ""]:
-        once = lambda t: value_and_slope(self.ribbon.at, t)
         place = self.start + self.step * share
-        ((_, across), (along, mixed)), (_, (twice, _)) = value_and_slope(once, place)
+        (_, across), (along, mixed), (twice, _) = with_two_slopes(self.ribbon.at, place)
         normal = self.sign * unit(jnp.cross(across, along))
-        t = unit(along)
-        # b = M × t = α S_t + β Y with Y across
-        beta = divide(jnp.ones_like(share), across @ jnp.cross(normal, t))
-        alpha = -divide(beta * (across @ t), norm(along))
-        second = alpha * alpha * twice + 2 * alpha * beta * mixed + beta * beta * self.ribbon.bend(place)
-        return second @ normal
+        return curvature_across(normal, along, across, twice, mixed, self.ribbon.bend(place))
+
+
+def curvature_across(
+    normal: Float[Array, "3"],
+    along: Float[Array, "3"],
+    across: Float[Array, "3"],
+    twice_along: Float[Array, "3"],
+    mixed: Float[Array, "3"],
+    twice_across: Float[Array, "3"],
+) -> Float[Array, ""]:
+    """The normal curvature across a side by first and second derivatives, in the direction b = M × t = α S_t + β Y."""
+    t = unit(along)
+    beta = divide(jnp.ones_like(t[0]), across @ jnp.cross(normal, t))
+    alpha = -divide(beta * (across @ t), norm(along))
+    return (alpha * alpha * twice_along + 2 * alpha * beta * mixed + beta * beta * twice_across) @ normal
 
 
 @register
@@ -163,10 +173,10 @@ class SeamField(AbstractEdgeField):
     def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
         rows = jnp.asarray(_powers(self.vectors.shape[1] - 1), share.dtype) @ self.vectors
         if self.vectors.shape[0] == 1:
-            return _horner(2 * share - 1, rows[0])
+            return horner(2 * share - 1, rows[0])
         piece = jnp.sum(share > self.shares[1:-1])
         first, last = self.shares[piece], self.shares[piece + 1]
-        return _horner(2 * (share - first) / (last - first) - 1, rows[piece])
+        return horner(2 * (share - first) / (last - first) - 1, rows[piece])
 
 
 def bernstein(t: Float[Array, "*n"], degree: int) -> Float[Array, "*n d"]:
@@ -184,10 +194,6 @@ def _powers(degree: int) -> Float[np.ndarray, "d d"]:
     half = (np.polynomial.Polynomial([0.5, 0.5]), np.polynomial.Polynomial([0.5, -0.5]))
     found = [math.comb(degree, k) * half[0] ** k * half[1] ** (degree - k) for k in range(degree + 1)]
     return np.stack([p.coef for p in found], axis=1)
-
-
-def _horner(x: Float[Array, ""], rows: Float[Array, "d 3"]) -> Float[Array, "3"]:
-    return reduce(lambda total, row: total * x + row, rows[::-1])
 
 
 @register
@@ -227,6 +233,16 @@ def as_edge_field(given: Any, surface: AbstractSurface, side: str) -> AbstractEd
             f"of the parameter, or (surface, side) of a neighbour, got shape {normals.shape}."
         )
     return CurveField(_through(normals))
+
+
+def given_fields(surface: Any, given: dict[str, Any]) -> tuple[AbstractEdgeField | None, ...]:
+    """The fields of all four sides, of the surface's type; refuses what is no surface, and sides that are all left out."""
+    if not isinstance(surface, AbstractSurface):
+        raise InputError(f"`surface` must be a surface, got {type(surface).__name__}.")
+    fields = as_type(tuple(as_edge_field(given[side], surface, side) for side in SIDES), surface.dtype)
+    if all(field is None for field in fields):
+        raise InputError("At least one of `u0`, `u1`, `v0`, `v1` must give the normals along its side, got none.")
+    return fields
 
 
 def with_curvature(field: AbstractEdgeField, given: Any, surface: AbstractSurface, side: str) -> AbstractEdgeField:

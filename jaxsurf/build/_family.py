@@ -28,7 +28,10 @@ class Family(eqx.Module):
 
     def points(self, t: Float[Array, ""]) -> Float[Array, "n 3"]:
         """The point of each curve at the common parameter."""
-        return jnp.stack([curve.point(carried(t, self.domain, curve.domain)) for curve in self.curves])
+        return jnp.stack([self._point(curve, t) for curve in self.curves])
+
+    def _point(self, curve: Any, t: Float[Array, ""]) -> Float[Array, "3"]:
+        return curve.point(carried(t, self.domain, curve.domain))
 
     def rows(self, t: Float[Array, "m"]) -> Float[Array, "m n 3"]:
         """The points at many parameters."""
@@ -55,8 +58,8 @@ class PreparedFamily(Family):
 
     def points(self, t: Float[Array, ""]) -> Float[Array, "n 3"]:
         if self.together is None:
-            return jnp.stack([curve.point(carried(t, self.domain, curve.domain)) for curve in self.ready])
-        return eqx.filter_vmap(lambda curve: curve.point(carried(t, self.domain, curve.domain)))(self.together)
+            return jnp.stack([self._point(curve, t) for curve in self.ready])
+        return eqx.filter_vmap(lambda curve: self._point(curve, t))(self.together)
 
 
 def given_curves(curves: Any, name: str, least: int) -> tuple[AbstractCurve, ...]:

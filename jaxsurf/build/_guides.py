@@ -155,6 +155,19 @@ def value_and_slope(f: Any, t: Float[Array, ""]) -> tuple[Any, Any]:
     return jax.jvp(f, (t,), (jnp.ones_like(t),))
 
 
+def with_two_slopes(f: Any, t: Float[Array, ""]) -> tuple[Any, Any, Any]:
+    """f(t), f'(t) and f''(t) in forward mode; f may give a pytree."""
+    (value, slope), (_, bend) = value_and_slope(lambda x: value_and_slope(f, x), t)
+    return value, slope, bend
+
+
+def shares_of(
+    u: Float[Array, "*n"], v: Float[Array, "*m"], domain: tuple[tuple[Any, Any], tuple[Any, Any]]
+) -> tuple[Float[Array, "*n"], Float[Array, "*m"]]:
+    """Both parameters of a surface as shares of its domain."""
+    return carried(u, domain[0], (0.0, 1.0)), carried(v, domain[1], (0.0, 1.0))
+
+
 def carried(t: Float[Array, "*n"], domain: tuple[Any, Any], other: tuple[Any, Any]) -> Float[Array, "*n"]:
     """Parameters of one domain, carried evenly to another one; its ends are met exactly."""
     if same_domain(domain, other):

@@ -8,13 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._arguments import as_type
 from .._array import Numbers, as_float, is_concrete, map_points
 from .._errors import InputError
+from .._prepared import prepare
 from .._registry import register
 from .._safe import angle, arctan2, unit
 from ..surface import AbstractSurface
-from ._edge_fields import AbstractEdgeField, as_edge_field
+from ._edge_fields import AbstractEdgeField, given_fields
 from ._guides import carried, value_and_slope
 from ._ribbons import SIDES, AbstractRibbon, hermite_weight, ribbon_of, ribbons_of
 from ._tangency_facts import shares
@@ -101,11 +101,7 @@ def make_compatible(
     Source: Jōnishi, Yajima (paper 000), section 5.
     """
     given = {"u0": u0, "u1": u1, "v0": v0, "v1": v1}
-    if not isinstance(surface, AbstractSurface):
-        raise InputError(f"`surface` must be a surface, got {type(surface).__name__}.")
-    fields = as_type(tuple(as_edge_field(given[side], surface, side) for side in SIDES), surface.dtype)
-    if all(field is None for field in fields):
-        raise InputError("At least one of `u0`, `u1`, `v0`, `v1` must give the normals along its side, got none.")
+    fields = given_fields(surface, given)
     values, slopes, moved = _mended(surface, fields)
     if is_concrete(moved) and not np.all(np.isfinite(moved)):
         side = SIDES[int(np.argmin(np.isfinite(moved)))]
@@ -142,9 +138,7 @@ def _mended(
         None if field is None else MendedField(surface, field, values[side], slopes[side], SIDES[side])
         for side, field in enumerate(fields)
     )
-    corners = TangentSurface(
-        ready, tuple(_prepared(field) for field in turned(jnp.zeros((4, 2), dtype))), "gregory"
-    ).corners(ribbons)
+    corners = TangentSurface(ready, prepare(turned(jnp.zeros((4, 2), dtype))), "gregory").corners(ribbons)
     inverse = jnp.asarray(np.kron(np.eye(4), np.linalg.inv(_MASS)), dtype)
     slopes = -inverse @ (jnp.asarray(np.kron(np.eye(4), _COUPLING), dtype) @ values.reshape(-1))
     rows, lacks = [jnp.zeros((0, 8), dtype)], [jnp.zeros(0, dtype)]
@@ -163,10 +157,6 @@ def _mended(
     slopes = slopes - spread @ jnp.linalg.solve(square + jnp.diag(empty.astype(dtype)), jnp.where(empty, 0, lack))
     slopes = slopes.reshape(4, 2)
     return values, slopes, _turned(fields, turned(slopes), dtype)
-
-
-def _prepared(field: Any) -> Any:
-    return None if field is None else field.prepared()
 
 
 def _turned(given: Any, mended: Any, dtype: Any) -> Float[Array, "4"]:

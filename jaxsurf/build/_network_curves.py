@@ -91,17 +91,20 @@ class Stacks(NamedTuple):
 
 def structures(curves: Sequence[AbstractCurve], flags: Sequence[Any]) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """For each curve the number of its structure (shapes of arrays, all that is static, its flag), and its row in it."""
-    group_of, row_of = [0] * len(curves), [0] * len(curves)
-    for number, members in enumerate(kinds_of(curves, flags)):
-        for row, i in enumerate(members):
-            group_of[i], row_of[i] = number, row
-    return tuple(group_of), tuple(row_of)
+    return _places(kinds_of(curves, flags))
 
 
 def stacked(curves: Sequence[AbstractCurve], flags: Sequence[Any], *, ready: bool = True) -> Stacks:
     """Curves stacked by structure, each one prepared if it is to be `ready`."""
-    groups = []
-    for members in kinds_of(curves, flags):
+    groups, kinds = [], kinds_of(curves, flags)
+    for members in kinds:
         together = stack([curves[i] for i in members])
         groups.append(Group(eqx.filter_vmap(prepare)(together) if ready else together, tuple(members)))
-    return Stacks(tuple(groups), *structures(curves, flags))
+    return Stacks(tuple(groups), *_places(kinds))
+
+
+def _places(kinds: list[list[int]]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """For each curve the number of its kind, and its row in it."""
+    places = {i: (number, row) for number, members in enumerate(kinds) for row, i in enumerate(members)}
+    group_of, row_of = zip(*(places[i] for i in range(len(places))), strict=True)
+    return group_of, row_of

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from ..basis import SplinePieces, spline_pieces
 from ..surface import AbstractSurface, BSplineSurface
-from ._guides import carried, value_and_slope
+from ._guides import carried, value_and_slope, with_two_slopes
 
 SIDES = ("u0", "u1", "v0", "v1")
 """Sides u = first, u = last, v = first, v = last."""
@@ -99,8 +99,7 @@ class _Ribbon(AbstractRibbon):
         return value_and_slope(lambda x: self._point(x, share), self.end)
 
     def bend(self, share: Float[Array, ""]) -> Float[Array, "3"]:
-        slope = lambda x: value_and_slope(lambda y: self._point(y, share), x)[1]
-        return value_and_slope(slope, self.end)[1]
+        return with_two_slopes(lambda x: self._point(x, share), self.end)[2]
 
     def _point(self, x: Float[Array, ""], share: Float[Array, ""]) -> Float[Array, "3"]:
         along_u, along_v = self.surface.domain
@@ -159,9 +158,8 @@ def _spline_rows(surface: BSplineSurface, axis: int, ends: tuple[int, ...]) -> _
     net = surface.control_points if axis == 0 else jnp.swapaxes(surface.control_points, 0, 1)
     basis, along = (surface.basis_u, surface.basis_v)[:: 1 - 2 * axis]
     first, last = (jnp.asarray(x, net.dtype) for x in basis.domain)
-    once = lambda u: value_and_slope(basis.row, u)
     at = jnp.stack([(first, last)[end] for end in ends])
-    (values, slopes), (_, bends) = jax.vmap(lambda u: value_and_slope(once, u))(at)
+    values, slopes, bends = jax.vmap(lambda u: with_two_slopes(basis.row, u))(at)
     # of control points along the side: points and derivatives across by the share
     rows = lambda *by: jnp.einsum("aei,ijx->jaex", jnp.stack(by), net, precision="highest").reshape(net.shape[1], -1)
     pieces = lambda *by: spline_pieces(along, rows(*by))

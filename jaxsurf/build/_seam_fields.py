@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._safe import divide, norm, unit
+from ._alike import row_of
 from ._edge_fields import SeamField, bernstein
 from ._ribbons import CORNERS, SIDES, ribbons_of
 from ._seam_polynomials import DEGREE, GAUSS, NODES, chebyshev, fairness_tables, gauss, tables
@@ -87,9 +88,7 @@ def bent_patches(seams: Seams, classes: list[SeamClass], sweeps: list[Any], part
     sweeps: the network's patches, stacked by its classes. parts: for each class the shares where parts of sides begin and
     end, four arrays (patches, p + 1).
     """
-    reads = [
-        _read(jax.tree.map(_rows(kind.rows), sweeps[kind.kind]), kind, at) for kind, at in zip(classes, parts, strict=True)
-    ]
+    reads = [_read(row_of(sweeps[kind.kind], kind.rows), kind, at) for kind, at in zip(classes, parts, strict=True)]
     normals = _node_normals(seams, classes, reads)
     ends, b, tangent, off = _along(seams, classes, reads, normals)
     lengths = norm(tangent[:, [0, -1]])
@@ -132,13 +131,9 @@ def bent_patches(seams: Seams, classes: list[SeamClass], sweeps: list[Any], part
     made = []
     for kind, read, at in zip(classes, reads, parts, strict=True):
         bend = lambda sweep, fields: TangentSurface(sweep, tuple(SeamField(*field) for field in fields), "gregory")
-        own = jax.tree.map(_rows(kind.rows), sweeps[kind.kind])
+        own = row_of(sweeps[kind.kind], kind.rows)
         made.append(eqx.filter_vmap(bend)(own, _fields(kind, read, at, vectors, ends)))
     return made, SeamFacts(off, lacks)
-
-
-def _rows(rows: np.ndarray) -> Any:
-    return lambda leaf: leaf[rows] if eqx.is_array(leaf) else leaf
 
 
 def _read(sweeps: Any, kind: SeamClass, parts: Any) -> Read:

@@ -16,7 +16,7 @@ from ..surface import AbstractSurface
 from ..surface._breaks import breaks
 from ._blend import AbstractBlend
 from ._family import Family, PreparedFamily
-from ._guides import Guides, Station, carried, join_breaks, value_and_slope
+from ._guides import Guides, Station, carried, join_breaks, with_two_slopes
 from ._ribbons import AbstractRibbons, Ends, Pair, ribbons_of
 from ._rotation import AbstractRotation
 
@@ -188,11 +188,7 @@ class _SweepRibbons(AbstractRibbons):
 def _(surface: PreparedSweep) -> AbstractRibbons:
     ends = jnp.arange(2, dtype=surface.dtype)
 
-    def derived(f: Any, domain: Any) -> tuple[Any, Any, Any]:
-        once = lambda t: value_and_slope(lambda x: f(carried(x, (0.0, 1.0), domain)), t)
-        (values, slopes), (_, bends) = jax.vmap(lambda t: value_and_slope(once, t))(ends)
-        return values, slopes, bends
-
+    derived = lambda f, domain: jax.vmap(lambda t: with_two_slopes(lambda x: f(carried(x, (0.0, 1.0), domain)), t))(ends)
     return _SweepRibbons(surface, derived(surface.row, surface.domain[1]), derived(surface.offsets, surface.domain[0]))
 
 

@@ -13,7 +13,8 @@ from .._safe import angle, divide, norm, unit
 from ..differential._partials import Partials2, second_partials_at
 from ..surface import AbstractSurface
 from ._curved_surface import CurvedSurface
-from ._guides import value_and_slope
+from ._edge_fields import curvature_across
+from ._guides import carried, value_and_slope
 from ._ribbons import SIDES, hermite_weight, ribbons_of
 from ._tangent_surface import Corner, Line, ScaledSurface, TangentSurface, alike, upright
 
@@ -140,10 +141,7 @@ def outcome(shape: TangentSurface) -> Outcome:
         return {SIDES[2 * axis + end]: both(end, normal) for end, normal in normals.items()}
 
     both = {name: pair for axis in (0, 1) for name, pair in jax.vmap(lambda t, a=axis: angles(a, t))(at).items()}
-    (a, b), (c, d) = (tuple(jnp.asarray(x, shape.dtype) for x in ends) for ends in shape.domain)
-    u, v = a + (b - a) * at[::2], c + (d - c) * at[::2]
-    moved = jnp.max(norm(bent.grid_points(u, v) - base.grid_points(u, v)))
-    return Outcome({k: x[0] for k, x in both.items()}, {k: x[1] for k, x in both.items()}, moved)
+    return Outcome({k: x[0] for k, x in both.items()}, {k: x[1] for k, x in both.items()}, _moved(bent, base))
 
 
 class CurvedOutcome(NamedTuple):
@@ -162,14 +160,13 @@ class CurvedOutcome(NamedTuple):
 def curved_outcome(shape: CurvedSurface) -> CurvedOutcome:
     """Of the surface as it is bent, by its second derivatives along the sides."""
     bent, at = shape.prepared(), shares(shape.dtype)
-    domain = [tuple(jnp.asarray(x, shape.dtype) for x in ends) for ends in shape.domain]
     found: dict[str, Any] = {}
     for side, field in enumerate(bent.fields):
         if field is None:
             continue
         axis, end = divmod(side, 2)
-        first, last = domain[1 - axis]
-        along, across = first + (last - first) * at, jnp.full_like(at, domain[axis][end])
+        along = carried(at, (0.0, 1.0), shape.domain[1 - axis])
+        across = jnp.full_like(at, shape.domain[axis][end])
         u, v = (across, along) if axis == 0 else (along, across)
         was, now = (jax.vmap(lambda s, t, x=x: second_partials_at(x, s, t))(u, v) for x in (bent.surface, bent))
         tangent = now.v if axis == 0 else now.u
@@ -178,22 +175,22 @@ def curved_outcome(shape: CurvedSurface) -> CurvedOutcome:
         off = [jax.vmap(plane_angle)(p.u, p.v, normal) for p in (was, now)]
         bends = [jnp.abs(_curvature_across(p, axis, normal) - wanted) for p in (was, now)]
         found[SIDES[side]] = (*off, wanted, *bends)
-    (a, b), (c, d) = domain
-    u, v = a + (b - a) * at[::2], c + (d - c) * at[::2]
-    moved = jnp.max(norm(bent.grid_points(u, v) - bent.surface.grid_points(u, v)))
     before, after, wanted, bend_before, bend_after = ({name: row[k] for name, row in found.items()} for k in range(5))
-    return CurvedOutcome(before, after, wanted, bend_before, bend_after, moved)
+    return CurvedOutcome(before, after, wanted, bend_before, bend_after, _moved(bent, bent.surface))
 
 
 def _curvature_across(p: Partials2, axis: int, normal: Float[Array, "n 3"]) -> Float[Array, "n"]:
     """The normal curvature in the direction across a side, by normals on the side of the given ones."""
-    along, across, twice_along, twice_across = (p.v, p.u, p.vv, p.uu) if axis == 0 else (p.u, p.v, p.uu, p.vv)
     own = jax.vmap(alike)(unit(jnp.cross(p.u, p.v)), normal)
-    dot = lambda x, y: jnp.sum(x * y, axis=-1)
-    t = unit(along)
-    beta = divide(jnp.ones_like(dot(t, t)), dot(across, jnp.cross(own, t)))
-    alpha = -divide(beta * dot(across, t), norm(along))
-    return alpha**2 * dot(twice_along, own) + 2 * alpha * beta * dot(p.uv, own) + beta**2 * dot(twice_across, own)
+    along, across, twice_along, twice_across = (p.v, p.u, p.vv, p.uu) if axis == 0 else (p.u, p.v, p.uu, p.vv)
+    return jax.vmap(curvature_across)(own, along, across, twice_along, p.uv, twice_across)
+
+
+def _moved(one: AbstractSurface, other: AbstractSurface) -> Float[Array, ""]:
+    """The largest distance of two surfaces over one domain on a grid of equal parameters."""
+    at = shares(one.dtype)[::2]
+    u, v = (carried(at, (0.0, 1.0), ends) for ends in one.domain)
+    return jnp.max(norm(one.grid_points(u, v) - other.grid_points(u, v)))
 
 
 @eqx.filter_jit

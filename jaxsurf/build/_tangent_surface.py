@@ -15,7 +15,7 @@ from ..surface import AbstractSurface
 from ..surface._breaks import breaks
 from ._alike import each
 from ._edge_fields import AbstractEdgeField
-from ._guides import carried, value_and_slope
+from ._guides import shares_of, value_and_slope
 from ._ribbons import CORNERS, AbstractRibbons, hermite_weight, ribbons_of
 
 OPERATORS = ("scaling", "hermite", "gregory", "blend")
@@ -61,14 +61,8 @@ class LineMap(eqx.Module):
         return self.share * scaled + (1 - self.share) * bent
 
 
-@register
-class TangentSurface(AbstractSurface):
-    """A surface with its boundary curves, bent so that it is tangent to planes along some of its sides.
-
-    Made by `js.tangent_to`. fields: normals along the sides u = first, u = last, v = first, v = last, or None. operator:
-    "scaling" (F), "hermite" (H), "gregory" (H without corner conditions) or "blend" (F where its rows behave, H elsewhere).
-    Source: Jōnishi, Yajima (paper 000), sections 4 and 5; H adds multiples of the normals by cubic Hermite weights.
-    """
+class AbstractBentSurface(AbstractSurface):
+    """A surface bent along the sides that have fields: u = first, u = last, v = first, v = last, or None."""
 
     surface: AbstractSurface
     fields: tuple[AbstractEdgeField | None, ...]
@@ -78,12 +72,17 @@ class TangentSurface(AbstractSurface):
     def domain(self) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
         return self.surface.domain
 
-    def prepared(self) -> Any:
-        whole = TangentSurface(self.surface.prepared(), prepare(self.fields), self.operator)
-        ribbons = ribbons_of(whole.surface)
-        if self.operator in ("hermite", "gregory"):
-            return HermiteSurface(whole, ribbons, whole._twists(ribbons))
-        return ScaledSurface(whole, ribbons, whole._edge_maps(ribbons))
+    def bent(self, axis: int) -> bool:
+        """Whether a side across an axis has a field."""
+        return any(field is not None for field in self.fields[2 * axis : 2 * axis + 2])
+
+    def normals(self, axis: int, share: Float[Array, ""], along: Float[Array, "2 3"]) -> dict[int, Float[Array, "3"]]:
+        """The unit normals given on sides across an axis, by end; their planes hold the derivatives along the sides."""
+        given = {end: field for end, field in enumerate(self.fields[2 * axis : 2 * axis + 2]) if field is not None}
+        if not given:
+            return {}
+        values = jnp.stack(each(list(given.values()), lambda field: field.normal(share)))
+        return dict(zip(given, jax.vmap(upright)(values, along[np.array(list(given))]), strict=True))
 
     def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
         return self.prepared().point(u, v)
@@ -91,9 +90,22 @@ class TangentSurface(AbstractSurface):
     def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
         return self.prepared().grid_points(u, v)
 
-    def normals(self, axis: int, share: Float[Array, ""], along: Float[Array, "2 3"]) -> dict[int, Float[Array, "3"]]:
-        """The unit normals given on sides across an axis, by end; their planes hold the derivatives along the sides."""
-        return upright_normals(self.fields, axis, share, along)
+
+@register
+class TangentSurface(AbstractBentSurface):
+    """A surface with its boundary curves, bent so that it is tangent to planes along some of its sides.
+
+    Made by `js.tangent_to`. fields: normals along the sides u = first, u = last, v = first, v = last, or None. operator:
+    "scaling" (F), "hermite" (H), "gregory" (H without corner conditions) or "blend" (F where its rows behave, H elsewhere).
+    Source: Jōnishi, Yajima (paper 000), sections 4 and 5; H adds multiples of the normals by cubic Hermite weights.
+    """
+
+    def prepared(self) -> Any:
+        whole = TangentSurface(self.surface.prepared(), prepare(self.fields), self.operator)
+        ribbons = ribbons_of(whole.surface)
+        if self.operator in ("hermite", "gregory"):
+            return HermiteSurface(whole, ribbons, whole._twists(ribbons))
+        return ScaledSurface(whole, ribbons, whole._edge_maps(ribbons))
 
     def corners(self, ribbons: AbstractRibbons) -> dict[tuple[int, int], Corner]:
         """The corners between sides with fields, inside traced code."""
@@ -125,12 +137,12 @@ class TangentSurface(AbstractSurface):
         found = self.corners(ribbons)
         none = jnp.zeros((2, 3), self.dtype)
         of = lambda at: jnp.stack(found[at].rho)[:, None] * found[at].normals[:1] if at in found else none
-        twists = {(i, j): _weighted(of((i, j)), self.fields[i], self.fields[2 + j]) for i, j in CORNERS}
+        twists = {(i, j): weighted(of((i, j)), self.fields[i], self.fields[2 + j]) for i, j in CORNERS}
         return jnp.stack([twists[at] for at in CORNERS]).reshape(2, 2, 2, 3)
 
     def _edge_maps(self, ribbons: AbstractRibbons) -> Any:
         """Of the maps along u at both ends of v: the maps, and their changes by v; None where only one direction is bent."""
-        if not (any(f is not None for f in self.fields[:2]) and any(f is not None for f in self.fields[2:])):
+        if not (self.bent(0) and self.bent(1)):
             return None
         ends = jnp.arange(2, dtype=self.dtype)
         return jax.vmap(lambda end: value_and_slope(lambda t: self.line(ribbons, 0, t).map(self.operator), end))(ends)
@@ -222,7 +234,7 @@ class HermiteSurface(AbstractSurface):
         return self
 
     def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
-        s, t = self._shares(u, v)
+        s, t = shares_of(u, v, self.domain)
         total = self.whole.surface.point(u, v)
         for axis, (along, across) in enumerate(((t, s), (s, t))):
             for end, pull in self._pulls(axis, along).items():
@@ -233,7 +245,7 @@ class HermiteSurface(AbstractSurface):
         return total
 
     def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
-        s, t = self._shares(u, v)
+        s, t = shares_of(u, v, self.domain)
         total = self.whole.surface.grid_points(u, v)
         for end, pull in jax.vmap(lambda y: self._pulls(0, y))(t).items():
             total = total - hermite_weight(end, s)[:, None, None] * pull[None]
@@ -246,17 +258,13 @@ class HermiteSurface(AbstractSurface):
             total = total + jnp.broadcast_to(share, total.shape[:2])[..., None] * bent
         return total
 
-    def _shares(self, u: Any, v: Any) -> tuple[Any, Any]:
-        along_u, along_v = self.domain
-        return carried(u, along_u, (0.0, 1.0)), carried(v, along_v, (0.0, 1.0))
-
     def _pulls(self, axis: int, share: Float[Array, ""]) -> dict[int, Float[Array, "3"]]:
         """⟨S_x, M⟩ M on the sides across an axis that have fields."""
-        if all(field is None for field in self.whole.fields[2 * axis : 2 * axis + 2]):
+        if not self.whole.bent(axis):
             return {}
         _, across, along = self.ribbons.sides(axis, share)
         normals = self.whole.normals(axis, share, along)
-        pull = lambda end, normal: _weighted((across[end] @ normal) * normal, self.whole.fields[2 * axis + end])
+        pull = lambda end, normal: weighted((across[end] @ normal) * normal, self.whole.fields[2 * axis + end])
         return {end: pull(end, normal) for end, normal in normals.items()}
 
     def _gregory(self, s: Any, t: Any) -> tuple[Any, Any]:
@@ -284,8 +292,7 @@ class ScaledSurface(AbstractSurface):
         return self
 
     def point(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "3"]:
-        along_u, along_v = self.domain
-        s, t = carried(u, along_u, (0.0, 1.0)), carried(v, along_v, (0.0, 1.0))
+        s, t = shares_of(u, v, self.domain)
         along, across = self._map(0, t), self._map(1, s)
         x = self.whole.surface.point(u, v)
         if along is not None:
@@ -293,8 +300,7 @@ class ScaledSurface(AbstractSurface):
         return x if across is None else across(x, t)
 
     def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
-        along_u, along_v = self.domain
-        s, t = carried(u, along_u, (0.0, 1.0)), carried(v, along_v, (0.0, 1.0))
+        s, t = shares_of(u, v, self.domain)
         rows, columns = jax.vmap(lambda y: self._map(0, y))(t), jax.vmap(lambda x: self._map(1, x))(s)
         total = self.whole.surface.grid_points(u, v)
         if rows is not None:
@@ -309,12 +315,12 @@ class ScaledSurface(AbstractSurface):
 
     def _map(self, axis: int, share: Float[Array, ""]) -> LineMap | None:
         """The map of a line, None where neither end has a field."""
-        if all(field is None for field in self.whole.fields[2 * axis : 2 * axis + 2]):
+        if not self.whole.bent(axis):
             return None
         return self.line(axis, share).map(self.whole.operator)
 
 
-def _weighted(x: Any, *fields: AbstractEdgeField | None) -> Any:
+def weighted(x: Any, *fields: AbstractEdgeField | None) -> Any:
     """x times the weights of fields."""
     for field in fields:
         x = x if field is None or field.weight is None else field.weight * x
@@ -331,17 +337,6 @@ def alike(normal: Float[Array, "3"], other: Float[Array, "3"]) -> Float[Array, "
     return jnp.where(jax.lax.stop_gradient(normal @ other) < 0, -normal, normal)
 
 
-def upright_normals(
-    fields: tuple[AbstractEdgeField | None, ...], axis: int, share: Float[Array, ""], along: Float[Array, "2 3"]
-) -> dict[int, Float[Array, "3"]]:
-    """The unit normals of the fields on sides across an axis, by end; their planes hold the derivatives along the sides."""
-    given = {end: field for end, field in enumerate(fields[2 * axis : 2 * axis + 2]) if field is not None}
-    if not given:
-        return {}
-    values = jnp.stack(each(list(given.values()), lambda field: field.normal(share)))
-    return dict(zip(given, jax.vmap(upright)(values, along[np.array(list(given))]), strict=True))
-
-
 def upright(normal: Float[Array, "3"], along: Float[Array, "3"]) -> Float[Array, "3"]:
     """The unit normal of the nearest plane that holds a direction."""
     along = unit(along)
@@ -352,8 +347,8 @@ def _weights(x: Float[Array, ""]) -> Float[Array, "2"]:
     return jnp.stack([hermite_weight(end, x) for end in (0, 1)])
 
 
-@breaks.register(TangentSurface)
-def _(shape: TangentSurface) -> tuple[Any, Any]:
+@breaks.register(AbstractBentSurface)
+def _(shape: AbstractBentSurface) -> tuple[Any, Any]:
     return breaks(shape.surface)
 
 

@@ -11,7 +11,7 @@ from .._array import eps, is_concrete
 from .._errors import GeometryWarning, InputError
 from ..surface import AbstractSurface
 from ._curved_surface import OPERATORS as SECOND_ORDER, CurvedSurface
-from ._edge_fields import as_edge_field, with_curvature
+from ._edge_fields import given_fields, with_curvature
 from ._ribbons import CORNERS, SIDES
 from ._tangency_facts import (
     Corner,
@@ -69,12 +69,9 @@ def tangent_to(
     000), sections 4 and 5.
     """
     given = {"u0": u0, "u1": u1, "v0": v0, "v1": v1}
+    _check_order(order, curvature)
     if order == 2:
         return _curved(surface, given, operator, curvature or {}, tolerance)[0]
-    if order != 1:
-        raise InputError(f"`order` must be 1 for tangent planes or 2 for curvature too, got {order!r}.")
-    if curvature is not None:
-        raise InputError("`curvature` counts with `order=2` alone; give that too, or leave it out.")
     return _bent(surface, given, operator, tolerance)[0]
 
 
@@ -92,6 +89,7 @@ def tangency_report(
 ) -> TangencyReport | CurvatureReport:
     """What `tangent_to` with the same arguments does to a surface, and what it finds on its sides and corners."""
     given = {"u0": u0, "u1": u1, "v0": v0, "v1": v1}
+    _check_order(order, curvature)
     if order == 2:
         return _curvature_report(*_curved(surface, given, operator, curvature or {}, tolerance))
     bent, sides, corners = _bent(surface, given, operator, tolerance)
@@ -126,6 +124,13 @@ def tangency_report(
     behaves = float(np.mean([np.mean(np.asarray(line.behave)) for line in lines.values()]))
     found = tuple(_corner_report(at, corner) for at, corner in corners.items())
     return TangencyReport(bent.operator, _compatible(corners, tolerance), behaves, float(done.moved), tuple(reports), found)
+
+
+def _check_order(order: int, curvature: dict[str, Any] | None) -> None:
+    if order not in (1, 2):
+        raise InputError(f"`order` must be 1 for tangent planes or 2 for curvature too, got {order!r}.")
+    if order == 1 and curvature is not None:
+        raise InputError("`curvature` counts with `order=2` alone; give that too, or leave it out.")
 
 
 def _curvature_report(bent: CurvedSurface, ends: Any) -> CurvatureReport:
@@ -173,8 +178,8 @@ def _curved(
                 f"`{side}` needs curvatures across it for `order=2`: give `curvature={{'{side}': values}}`, or "
                 "(surface, side) of a neighbour."
             )
-    across = [any(field is not None for field in fields[k : k + 2]) for k in (0, 2)]
-    kind = operator if operator != "auto" else "gregory" if all(across) else "hermite"
+    both = all(flat.bent(axis) for axis in (0, 1))
+    kind = operator if operator != "auto" else "gregory" if both else "hermite"
     bent = CurvedSurface(surface, tuple(fields), kind)
     if not is_concrete(bent):
         return bent, None
@@ -194,13 +199,9 @@ def _curved(
 def _bent(
     surface: AbstractSurface, given: dict[str, Any], operator: str, tolerance: float
 ) -> tuple[TangentSurface, dict[str, SideFacts], dict[tuple[int, int], Corner]]:
-    if not isinstance(surface, AbstractSurface):
-        raise InputError(f"`surface` must be a surface, got {type(surface).__name__}.")
     if operator not in ("auto", *OPERATORS):
         raise InputError(f"`operator` must be one of auto, {', '.join(OPERATORS)}, got {operator!r}.")
-    fields = as_type(tuple(as_edge_field(given[side], surface, side) for side in SIDES), surface.dtype)
-    if all(field is None for field in fields):
-        raise InputError("At least one of `u0`, `u1`, `v0`, `v1` must give the normals along its side, got none.")
+    fields = given_fields(surface, given)
     bent = TangentSurface(surface, fields, "gregory" if operator == "auto" else operator)
     if not is_concrete(bent):
         return bent, {}, {}

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._array import take
-from ..basis import BSplineBasis, span_polynomials
+from ..basis import BSplineBasis, Places, span_polynomials
 from ..surface import BSplineSurface
 
 
@@ -20,18 +20,18 @@ class CellPolynomials(eqx.Module):
 
     basis_u: BSplineBasis
     basis_v: BSplineBasis
-    places_u: tuple[Float[Array, "a"], Float[Array, "a"]]
-    places_v: tuple[Float[Array, "b"], Float[Array, "b"]]
+    places_u: Places
+    places_v: Places
     rows: Float[Array, "n 3"]
 
     def partials(
         self, u: Float[Array, ""], v: Float[Array, ""]
     ) -> tuple[Float[Array, "3"], Float[Array, "3"], Float[Array, "3"]]:
         """S, S_u and S_v at one pair of parameters."""
-        first_u, s, by_u = self.basis_u.place(u, *self.places_u)
-        first_v, t, by_v = self.basis_v.place(v, *self.places_v)
+        first_u, s, by_u = self.basis_u.place(u, self.places_u)
+        first_v, t, by_v = self.basis_v.place(v, self.places_v)
         powers_v = self.basis_v.degree + 1
-        corner = (first_u * self.places_v[0].shape[0] + first_v) * ((self.basis_u.degree + 1) * powers_v)
+        corner = (first_u * self.places_v.middle.shape[0] + first_v) * ((self.basis_u.degree + 1) * powers_v)
         values, slopes = [], []
         for p in range(self.basis_u.degree + 1):
             coefficients = [take(self.rows, corner + (p * powers_v + q)) for q in range(powers_v)]
@@ -53,8 +53,8 @@ def cell_polynomials(surface: BSplineSurface) -> CellPolynomials:
     bases, places, tables = (surface.basis_u, surface.basis_v), [], []
     net = surface.control_points
     for axis, basis in enumerate(bases):
-        middle, scale, coefficients = span_polynomials(basis.unrolled_knots, basis.degree)
-        places.append((middle, scale))
+        spans, coefficients = span_polynomials(basis.unrolled_knots, basis.degree)
+        places.append(spans)
         tables.append(jnp.stack(coefficients, axis=1))  # span, power, function
         net = jnp.swapaxes(basis.unroll(jnp.swapaxes(net, 0, axis)), 0, axis)
     at_u, at_v = (np.arange(t.shape[0])[:, None] + np.arange(t.shape[2]) for t in tables)

@@ -88,7 +88,7 @@ def blended_on_spans(
 def _shares_on_spans(basis: BSplineBasis, places: Float[np.ndarray, "q"]) -> Float[Array, "p spans q"]:
     """The cumulative functions that are neither 0 nor 1 on a span, at the same places in every span."""
     p, knots = basis.degree, basis.knots
-    _, _, coefficients = span_polynomials(knots, p)
+    _, coefficients = span_polynomials(knots, p)
     powers = jnp.asarray(np.vander(places, p + 1, increasing=True), knots.dtype)
     values = jnp.einsum("ksi,qk->siq", jnp.stack(coefficients), powers, precision="highest")
     shares = jnp.cumsum(values[:, :0:-1], axis=1)[:, ::-1]
