@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -41,7 +40,7 @@ class NetworkEdge(AbstractCurve):
 
     def point(self, u: Float[Array, ""]) -> Float[Array, "3"]:
         t = (1 - u) * self.ends[0] + u * self.ends[1]
-        shares = jax.lax.clamp(0.0, (t - self.places[:-1]) / jnp.diff(self.places), 1.0)
+        shares = jnp.clip((t - self.places[:-1]) / jnp.diff(self.places), 0, 1)
         steps = jnp.diff(self.offsets, axis=0)
         return self.curve.point(wrapped(self.curve, t, self.closed)) + self.offsets[0] + _FADE(shares) @ steps
 

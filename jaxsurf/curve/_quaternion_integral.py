@@ -17,7 +17,7 @@ from .._safe import divide, norm, unit
 from ..basis import BSplineBasis, check_knots, clamped_knots
 from ..quaternion import angular_velocity, blended_direction, blended_on_spans
 from ..quaternion._control import as_tolerance, check_directions, largest_angle, ready_angle
-from ..quaternion._pieces import curve_layout, gauss_places, integral_matrix
+from ..quaternion._pieces import curve_layout, gauss_places, integral_matrix, powers_of_series
 from ._abstract import AbstractCurve
 from ._breaks import breaks, knot_breaks
 
@@ -135,14 +135,12 @@ class QICurve(AbstractCurve):
         pieces, nodes = self.layout
         directions = blended_on_spans(self.basis, self.tangents, gauss_places(pieces, nodes))
         directions = directions.reshape(-1, nodes, 3)
-        # differences from an amid direction first: they are small, and lose no digits to large powers
-        middle = directions[:, nodes // 2]
-        around = jnp.einsum(
-            "kq,pqx->pkx", jnp.asarray(integral_matrix(nodes), self.dtype), directions - middle[:, None], precision="highest"
+        times = lambda matrix, values: jnp.einsum(
+            "kq,pqx->pkx", jnp.asarray(matrix, self.dtype), values, precision="highest"
         )
+        powers = times(powers_of_series(nodes + 1), times(integral_matrix(nodes), directions))
         halves = jnp.repeat(jnp.diff(knots[degree : count + 1]), pieces)[:, None] * (self.speed / (2 * pieces))
-        powers = [around[:, 0] + middle, around[:, 1] + middle, *(around[:, k] for k in range(2, nodes + 1))]
-        powers = [halves * power for power in powers]
+        powers = [halves * powers[:, k] for k in range(nodes + 1)]
         whole = sum(powers)  # at +1
         powers[0] = powers[0] + (self.start[None] + (jnp.cumsum(whole, axis=0) - whole))
         # the numbers of a piece side by side: they are fetched together

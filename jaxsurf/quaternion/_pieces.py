@@ -23,21 +23,34 @@ def gauss_places(pieces: int, nodes: int) -> Float[np.ndarray, "q"]:
 
 
 @cache
-def power_matrix(nodes: int) -> Float[np.ndarray, "q q"]:
-    """Values at the nodes of [−1, 1] to the coefficients, by power, of the polynomial through them."""
-    return _to_powers(_legendre(nodes))
+def series_matrix(nodes: int) -> Float[np.ndarray, "q q"]:
+    """Values at the nodes of [−1, 1] to the Legendre coefficients of the polynomial through them (exact quadrature)."""
+    places, weights = np.polynomial.legendre.leggauss(nodes)
+    values = np.polynomial.legendre.legvander(places, nodes - 1)
+    return (2 * np.arange(nodes)[:, None] + 1) / 2 * values.T * weights
 
 
 @cache
 def integral_matrix(nodes: int) -> Float[np.ndarray, "r q"]:
-    """Values at the nodes of [−1, 1] to the coefficients, by power, of their polynomial's integral from −1."""
-    series = _legendre(nodes)
+    """Values at the nodes of [−1, 1] to the Legendre coefficients of their polynomial's integral from −1."""
+    series = series_matrix(nodes)
     raised = np.zeros((nodes + 1, nodes))
     raised[:2] += series[0]  # ∫ 1 = 1 + x
     for k in range(1, nodes):  # ∫ P_k = (P_{k+1} − P_{k−1}) / (2k + 1), 0 at −1
         raised[k + 1] += series[k] / (2 * k + 1)
         raised[k - 1] -= series[k] / (2 * k + 1)
-    return _to_powers(raised)
+    return raised
+
+
+@cache
+def powers_of_series(count: int) -> Float[np.ndarray, "r r"]:
+    """Legendre coefficients to those by power.
+
+    A step of its own: high coefficients of smooth functions are small, so that its large entries cost no digits, while in
+    the product with the matrices above the round-off of values would meet them (1e-12 for 16 nodes).
+    """
+    columns = [np.polynomial.legendre.leg2poly(row) for row in np.eye(count)]
+    return np.stack([np.pad(column, (0, count - len(column))) for column in columns], axis=1)
 
 
 @cache
@@ -80,16 +93,3 @@ def _error_bound(degree: int, angle: float, pieces: int, nodes: int) -> float:
     growth = angle * np.max(np.sum(np.abs(cumulative.imag), axis=0), axis=(1, 2))
     rho = rho[:, 0, 0]
     return float(np.min(16 * np.exp(np.minimum(growth, 700)) * rho**-nodes / (rho - 1)))
-
-
-def _legendre(nodes: int) -> Float[np.ndarray, "q q"]:
-    """Values at the nodes to Legendre coefficients, by Gauss quadrature, exact for these degrees."""
-    places, weights = np.polynomial.legendre.leggauss(nodes)
-    values = np.polynomial.legendre.legvander(places, nodes - 1)
-    return (2 * np.arange(nodes)[:, None] + 1) / 2 * values.T * weights
-
-
-def _to_powers(series: Float[np.ndarray, "r q"]) -> Float[np.ndarray, "r q"]:
-    """Legendre coefficients, one column for each, to those by power."""
-    columns = [np.polynomial.legendre.leg2poly(column) for column in series.T]
-    return np.stack([np.pad(column, (0, len(series) - len(column))) for column in columns], axis=1)

@@ -20,7 +20,14 @@ from ..curve import QICurve, combine
 from ..curve._quaternion_integral import horner, place_in_piece
 from ..quaternion import blended_direction, blended_on_spans
 from ..quaternion._control import angle_to_blend, as_tolerance, check_directions, largest_angle, ready_angle
-from ..quaternion._pieces import SURFACE_NODES as NODES, gauss_places, integral_matrix, pieces_per_span, power_matrix
+from ..quaternion._pieces import (
+    SURFACE_NODES as NODES,
+    gauss_places,
+    integral_matrix,
+    pieces_per_span,
+    powers_of_series,
+    series_matrix,
+)
 from ._abstract import AbstractSurface
 from ._breaks import breaks, knot_breaks
 
@@ -189,13 +196,10 @@ class QISurface(AbstractSurface):
         """Coefficients of ∫ T / (b − a): a row for each pair of pieces and power of u, in it by power of v."""
         (a, b), _ = self.domain
         directions = self._directions_at_nodes()
-        middle = directions[:, NODES // 2, :, NODES // 2]
-        constant = lambda matrix: jnp.asarray(matrix, self.dtype)
-        # differences from an amid direction first: they are small, and lose no digits to large powers
-        around = directions - middle[:, None, :, None]
-        around = jnp.einsum("bw,uqvwx->uqvbx", constant(power_matrix(NODES)), around, precision="highest")
-        powers = jnp.einsum("aq,uqvbx->uvabx", constant(integral_matrix(NODES)), around, precision="highest")
-        powers = powers.at[:, :, :2, 0].add(middle[:, :, None])
+        times = lambda which, matrix, values: jnp.einsum(which, jnp.asarray(matrix, self.dtype), values, precision="highest")
+        series = times("aq,uqvwx->uavwx", integral_matrix(NODES), times("bw,uqvwx->uqvbx", series_matrix(NODES), directions))
+        powers = times("bw,uavwx->uavbx", powers_of_series(NODES), series)
+        powers = times("aq,uqvbx->uvabx", powers_of_series(NODES + 1), powers)
         spans = jnp.diff(self.knots_u[self.degree_u : self.tangents.shape[0] + 1])
         halves = jnp.repeat(spans, self.pieces_u) / (2 * self.pieces_u * (b - a))
         powers = powers * halves.reshape(-1, 1, 1, 1, 1)
