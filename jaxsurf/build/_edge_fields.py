@@ -160,19 +160,35 @@ class CurvatureField(AbstractEdgeField):
 
 @register
 class SeamField(AbstractEdgeField):
-    """Polynomials one after another: Bernstein vectors (pieces, degree + 1, 3), shares (pieces + 1,), and a weight."""
+    """Polynomials one after another: Bernstein vectors (pieces, degree + 1, 3), shares (pieces + 1,), and a weight.
+
+    bends: Bernstein coefficients (pieces, degree + 1) of the normal curvature across, or None.
+    """
 
     vectors: Float[Array, "p d 3"]
     shares: Float[Array, "q"]
     held: Float[Array, ""]
+    bends: Float[Array, "p d"] | None = None
 
     @property
     def weight(self) -> Float[Array, ""]:
         return self.held
 
     def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
-        rows = jnp.asarray(_powers(self.vectors.shape[1] - 1), share.dtype) @ self.vectors
-        if self.vectors.shape[0] == 1:
+        return self._at(self.vectors, share)
+
+    @property
+    def curved(self) -> bool:
+        return self.bends is not None
+
+    def curvature(self, share: Float[Array, ""]) -> Float[Array, ""]:
+        assert self.bends is not None
+        return self._at(self.bends[..., None], share)[0]
+
+    def _at(self, coefficients: Float[Array, "p d w"], share: Float[Array, ""]) -> Float[Array, "w"]:
+        powers = jnp.asarray(_powers(coefficients.shape[1] - 1), share.dtype)
+        rows = jnp.einsum("kd,pdx->pkx", powers, coefficients, precision="highest")
+        if len(rows) == 1:
             return horner(2 * share - 1, rows[0])
         piece = jnp.sum(share > self.shares[1:-1])
         first, last = self.shares[piece], self.shares[piece + 1]

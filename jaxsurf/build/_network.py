@@ -23,8 +23,9 @@ from ._network_curves import NetworkEdge, Stacks, stacked, structures, wrapped
 from ._network_elements import Gap, InnerEdge, NetworkNode, OuterEdge, nodes_of
 from ._network_topology import SIDES, NetworkTopology, form
 from ._rotation import AbstractRotation
-from ._seam_fields import SeamClass, SeamFacts, bent_patches, seam_classes
-from ._seams import Seams, refuse_bent_nodes, seams_of
+from ._seam_fields import SeamFacts, bent_patches
+from ._seam_reads import SeamClass, seam_classes
+from ._seams import Seams, refuse_bent_nodes, refuse_odd_bends, refuse_parts, seams_of
 from ._sweep import Sweep
 
 _PLANE = 1e-6  # radians between curves and the plane of their node
@@ -103,20 +104,30 @@ class Network(eqx.Module):
             raise InputError(f"`u` and `v` of a grid must be one-dimensional, got shapes {u.shape} and {v.shape}.")
         return _grid(self, u, v)
 
-    def smooth(self) -> "Network":
-        """The network with patches that have common tangent planes along all inner edges, G1 by construction.
+    def smooth(self, order: int = 1) -> "Network":
+        """The network with patches that have common tangent planes along all inner edges, G1 by construction, or with
+        `order=2` common curvatures too, G2.
 
         Curves stay; where a part of the rim is no curve of the network it may move. Each inner edge carries one field of
         normals that both its patches take: a polynomial near the mean of their normals, whose slopes at nodes fit the
         curvatures of the curves, and whose free numbers let the patches move and bend least. Patches are bent by operator H
         in Gregory's form, which needs no condition at corners; where the conditions hold it is H. A pure function of
         `guides` and `characters` as before. Raises `InputError` where no plane holds the tangents of inner edges at a node.
+
+        Of order 2, all patches at a node have one second fundamental form there, with the normal curvatures of its curves:
+        `InputError` where there is none, as may be where more than three directions meet, and where an inner edge is but a
+        part of a side.
         Source: Jōnishi, Yajima (paper 000), sections 4 and 5; Peters, the vertex enclosure condition, for nodes.
         """
-        smoothed = dataclasses.replace(self, order=1)
+        if order not in (1, 2):
+            raise InputError(f"`order` must be 1 for common tangent planes or 2 for common curvatures too, got {order!r}.")
+        if order == 2:
+            refuse_parts(self.topology)
+        smoothed = dataclasses.replace(self, order=order)
         if is_concrete(smoothed):
-            off = concrete(early(_facts, smoothed).off)
-            refuse_bent_nodes(self.topology, off.astype(np.float64), max(_PLANE, 1e3 * eps(self.dtype)))
+            facts, allowed = early(_facts, smoothed), max(_PLANE, 1e3 * eps(self.dtype))
+            refuse_bent_nodes(self.topology, concrete(facts.off).astype(np.float64), allowed)
+            refuse_odd_bends(self.topology, concrete(facts.bends).astype(np.float64), allowed)
         return smoothed
 
     def inner_edges(self) -> tuple[InnerEdge, ...]:
@@ -320,7 +331,7 @@ def _grid_of_stacks(stacks: list[Any], u: Float[Array, "m"], v: Float[Array, "k"
 def _bent_patches(network: Network, nodes: _Nodes, sweeps: list[Any]) -> tuple[list[Any], SeamFacts]:
     seams = seams_of(network.topology)
     classes = seam_classes(seams, _classes(network))
-    return bent_patches(seams, classes, sweeps, _seam_parts(network, nodes, seams, classes))
+    return bent_patches(seams, classes, sweeps, _seam_parts(network, nodes, seams, classes), network.order)
 
 
 def _facts(network: Network) -> SeamFacts:

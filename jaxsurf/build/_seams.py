@@ -32,7 +32,8 @@ class Seams(NamedTuple):
     """Edges with fields of normals.
 
     edges: the edges; pieces: for each (patch, side) that is bent, its parts in order; nodes: for each end of a seam its
-    node; corners: for each node the corners (patch, (i, j)) that have its plane; joints: conditions at nodes.
+    node; corners: for each node the corners (patch, (i, j)) that have its plane; joints: conditions at nodes; free: sides
+    without a curve.
     """
 
     edges: tuple[SharedEdge, ...]
@@ -40,6 +41,7 @@ class Seams(NamedTuple):
     nodes: np.ndarray
     corners: tuple[tuple[tuple[int, tuple[int, int]], ...], ...]
     joints: tuple[Joint, ...]
+    free: frozenset[tuple[int, str]]
 
     def equations(self) -> tuple[Float[np.ndarray, "c e"], Float[np.ndarray, "e c"], Float[np.ndarray, "e z"]]:
         """A of A x = c for one number x per end of a seam, its pseudo-inverse, and what leaves A x as it is; by nodes."""
@@ -88,7 +90,8 @@ def seams_of(topology: NetworkTopology) -> Seams:
             key = _node(topology, run[0], edge.positions[0][end])
             nodes[2 * number + end] = numbers.setdefault(key, len(numbers))
     sides = {side: tuple(parts) for side, parts in pieces.items()}
-    return Seams(tuple(edges), sides, nodes, _corners(topology, numbers), _joints(sides))
+    free = frozenset(edge.sides[0] for edge in topology.edges() if not edge.positions)
+    return Seams(tuple(edges), sides, nodes, _corners(topology, numbers), _joints(sides), free)
 
 
 def refuse_bent_nodes(topology: NetworkTopology, off: Float[np.ndarray, "e"], allowed: float) -> None:
@@ -97,15 +100,44 @@ def refuse_bent_nodes(topology: NetworkTopology, off: Float[np.ndarray, "e"], al
         return
     end = int(off.argmax())
     patch, side = seams_of(topology).edges[end // 2].sides[0]
-    run = topology.sides(patch)[side]
-    assert run is not None
-    curve, count = run[0], topology.guides
-    name = f"`guides[{curve}]`" if curve < count else f"`characters[{curve - count}]`"
+    name = _name(topology, patch, side)
     raise InputError(
         f"A smooth network needs a plane at each node that holds the tangents of all curves there; {name} is off it by "
         f"{math.degrees(math.asin(min(1, off[end]))):.3g}° at an end of side {side} of patch {patch}; turn its tangent, or "
         "leave the network as it is."
     )
+
+
+def refuse_odd_bends(topology: NetworkTopology, bends: Float[np.ndarray, "n c 2"], allowed: float) -> None:
+    """Refuse nodes whose curves have normal curvatures that no one surface has; bends: by how much, times their speeds."""
+    if not bends.size or not np.abs(bends).max() > allowed:
+        return
+    node, corner, direction = np.unravel_index(np.abs(bends).argmax(), bends.shape)
+    patch, (i, j) = seams_of(topology).corners[node][corner]
+    raise InputError(
+        "A smooth network of `order=2` needs curves whose normal curvatures at each node are those of one surface; at corner "
+        f"(u{i}, v{j}) of patch {patch} they are not, where {_name(topology, patch, (f'v{j}', f'u{i}')[direction])} is off the "
+        f"nearest such by {abs(bends[node, corner, direction]):.3g} / its length; let no more than three directions meet "
+        "there, change the curves, or take `order=1`."
+    )
+
+
+def refuse_parts(topology: NetworkTopology) -> None:
+    """Refuse sides of several seams, which have no second derivatives where these follow each other."""
+    for (patch, side), pieces in seams_of(topology).pieces.items():
+        if len(pieces) > 1:
+            raise InputError(
+                f"A smooth network of `order=2` needs curves that end at the corners of patches, but one ends amid side "
+                f"{side} of patch {patch}, on {_name(topology, patch, side)}; let that curve go on, or take `order=1`."
+            )
+
+
+def _name(topology: NetworkTopology, patch: int, side: str) -> str:
+    """The curve along a side, as an argument of `js.network`."""
+    run = topology.sides(patch)[side]
+    assert run is not None
+    curve, count = run[0], topology.guides
+    return f"`guides[{curve}]`" if curve < count else f"`characters[{curve - count}]`"
 
 
 def _node(topology: NetworkTopology, curve: int, position: int) -> Hashable:

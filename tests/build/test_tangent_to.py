@@ -1,31 +1,12 @@
-"""Surfaces bent to planes along their sides: theorems of paper 000, operators against plain formulas, refusals."""
+"""Surfaces bent to planes along their sides: operators against plain formulas, ways to give planes, refusals."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from build.tangency_cases import INSIDE, KNOTS, boundary_error, surface, tilted, to
 
 import jaxsurf as js
-
-KNOTS = js.clamped_knots(5, 3)
-INSIDE = np.linspace(0, 1, 9)
-
-
-def surface(seed=0, arch=0.4):
-    """A bicubic sheet, arched so that no line is straight."""
-    rng = np.random.default_rng(seed)
-    x, y = np.meshgrid(np.linspace(0, 1, 5), np.linspace(0, 1, 5), indexing="ij")
-    z = arch * (1 - (2 * x - 1) ** 2 * 0.8 - (2 * y - 1) ** 2 * 0.6)
-    return js.BSplineSurface(np.stack([x, y, z], -1) + 0.02 * rng.normal(size=(5, 5, 3)), KNOTS, KNOTS, 3, 3)
-
-
-def tilted(seed=0, size=0.1):
-    """A neighbour with the same boundary curves and corners: its normals on the sides are tilted amid them."""
-    net = np.array(surface(seed).control_points)
-    rng = np.random.default_rng(seed + 100)
-    lift = size * rng.uniform(0.5, 1, (3, 3))
-    lift[::2, ::2] = 0
-    net[1:-1, 1:-1, 2] += lift
-    return js.BSplineSurface(net, KNOTS, KNOTS, 3, 3)
 
 
 def normal_of(shape, u, v):
@@ -63,6 +44,49 @@ def test_normals_by_functions_arrays_and_curves_are_the_same_planes():
     for given, allowed in ((function, 1e-14), (turned, 1e-14), (samples, 1e-6), (curve, 1e-6)):
         bent = js.tangent_to(base, u1=given, operator="hermite", tolerance=1e-3)
         np.testing.assert_allclose(np.asarray(bent.grid(INSIDE, INSIDE)), plain, rtol=0, atol=allowed)
+
+
+def test_gradients_by_the_net_are_those_of_differences():
+    base, target = surface(), tilted()
+    bent = js.tangent_to(base, **to(target, "u0", "v1"), operator="hermite")
+
+    @jax.jit
+    def value(shift):
+        net = base.control_points.at[2, 2].add(shift).at[1, 2].add(0.3 * shift)
+        shape = js.tangent_to(js.BSplineSurface(net, KNOTS, KNOTS, 3, 3), u0=bent.fields[0], v1=bent.fields[3])
+        return shape.prepared().point(jnp.asarray(0.3), jnp.asarray(0.6))[2]
+
+    gradient = jax.jit(jax.grad(value))(jnp.zeros(3))
+    step = 1e-5
+    differences = [(value(step * e) - value(-step * e)) / (2 * step) for e in np.eye(3)]
+    np.testing.assert_allclose(gradient, differences, rtol=0, atol=1e-8)
+    assert np.abs(gradient).max() > 0.1
+
+
+def test_flat_sheets_are_refused_to_f_and_met_by_h():
+    x, y = np.meshgrid(np.linspace(0, 1, 5), np.linspace(0, 1, 5), indexing="ij")
+    flat = js.BSplineSurface(np.stack([x, y, 0 * x], -1), KNOTS, KNOTS, 3, 3)
+    normal = lambda v: jnp.stack([jnp.sin(16 * v**2 * (1 - v) ** 2), 0 * v, jnp.cos(16 * v**2 * (1 - v) ** 2)])
+    with pytest.raises(js.InputError, match=r"`u0` cannot be met by \"scaling\".*\(4\.14\).*hermite"):
+        js.tangent_to(flat, u0=normal, operator="scaling")
+    report = js.tangency_report(flat, u0=normal)
+    assert report.operator == "hermite" and report.behaves < 1
+    assert report.sides[0].before > 0.5 and report.sides[0].after < 1e-12
+
+
+def test_a_triangular_sheet_is_met_by_h_and_refused_to_f_at_its_tip():
+    net = np.array(surface().control_points)
+    net[0] = net[0, 0]
+    tip = js.BSplineSurface(net, KNOTS, KNOTS, 3, 3)
+    net[2, 2] += [0, 0, 0.2]
+    net[-2, 2] += [0, 0, 0.1]
+    target = js.BSplineSurface(net, KNOTS, KNOTS, 3, 3)
+    given = to(target, "u1", "v0")
+    report = js.tangency_report(tip, **given, operator="gregory")
+    assert [side.before > 0.02 and side.after < 1e-12 for side in report.sides] == [True, True]
+    assert boundary_error(js.tangent_to(tip, **given, operator="gregory"), tip) < 1e-13
+    with pytest.raises(js.InputError, match="single point"):
+        js.tangent_to(tip, u0=(0.0, 0.0, 1.0), operator="scaling")
 
 
 @pytest.mark.parametrize(
