@@ -114,11 +114,11 @@ def refuse_odd_bends(topology: NetworkTopology, bends: Float[np.ndarray, "n c 2"
         return
     node, corner, direction = np.unravel_index(np.abs(bends).argmax(), bends.shape)
     patch, (i, j) = seams_of(topology).corners[node][corner]
+    name, off = _name(topology, patch, (f"v{j}", f"u{i}")[direction]), abs(bends[node, corner, direction])
     raise InputError(
-        "A smooth network of `order=2` needs curves whose normal curvatures at each node are those of one surface; at corner "
-        f"(u{i}, v{j}) of patch {patch} they are not, where {_name(topology, patch, (f'v{j}', f'u{i}')[direction])} is off the "
-        f"nearest such by {abs(bends[node, corner, direction]):.3g} / its length; let no more than three directions meet "
-        "there, change the curves, or take `order=1`."
+        "A smooth network of `order=2` needs curves whose normal curvatures at a node are those of one surface; at corner "
+        f"(u{i}, v{j}) of patch {patch} they are not: {name} is off the nearest such by {off:.3g} / its length; let no more "
+        "than three directions meet there, change the curves, or take `order=1`."
     )
 
 
