@@ -20,8 +20,9 @@ class CurvedSurface(AbstractBentSurface):
 
     Made by `js.tangent_to` with `order=2`. fields: normals with curvatures along the sides u = first, u = last, v = first,
     v = last, or None. operator: "hermite" (lines along u, then those along v) or "gregory" (both orders, each where it is
-    exact, so that no condition at corners is needed). Quintic weights with one slope or one second derivative of 1 carry
-    the normal parts of S_u and S_uu; S_u and S_uu go to the plane and to the normal curvature of the target.
+    exact, so that no condition at corners is needed; where they fail, second derivatives at a corner depend on the
+    direction). Quintic weights with one slope or one second derivative of 1 carry the normal parts of S_u and S_uu; S_u and
+    S_uu go to the plane and to the normal curvature of the target.
     """
 
     def prepared(self) -> "PreparedCurvedSurface":

@@ -216,9 +216,9 @@ def _off(network: Network) -> list[Float[Array, "p"]]:
     def of_patch(patch: Any) -> Float[Array, ""]:
         ready = patch.prepared()
         grid = ready.grid_points(shares, shares)
-        rows = (*ready.characters, *ready.guides.curves)
+        rows = (*ready.characters.ready, *ready.guides.curves)
         curves = jnp.stack([jax.vmap(curve.point)(shares) for curve in rows])
-        sides = [grid[:, 0], grid[:, -1]][: len(ready.characters)]
+        sides = [grid[:, 0], grid[:, -1]][: len(ready.characters.ready)]
         sides += [grid[0], grid[-1]] if len(ready.guides.curves) == 2 else [curves[-1]]
         return jnp.max(norm(jnp.stack(sides) - curves))
 

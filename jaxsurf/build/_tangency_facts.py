@@ -158,8 +158,9 @@ class CurvedOutcome(NamedTuple):
 
 @eqx.filter_jit
 def curved_outcome(shape: CurvedSurface) -> CurvedOutcome:
-    """Of the surface as it is bent, by its second derivatives along the sides."""
-    bent, at = shape.prepared(), shares(shape.dtype)
+    """Of the surface as it is bent, by its second derivatives along the sides, not at corners: there those of Gregory's form
+    depend on the direction."""
+    bent, at = shape.prepared(), 0.01 + 0.98 * shares(shape.dtype)
     found: dict[str, Any] = {}
     for side, field in enumerate(bent.fields):
         if field is None:
@@ -208,7 +209,8 @@ def curved_ends(shape: CurvedSurface) -> tuple[Float[Array, "2 2 4"], Float[Arra
 def plane_angle(one: Float[Array, "3"], other: Float[Array, "3"], normal: Float[Array, "3"]) -> Float[Array, ""]:
     """The angle in [0, π/2] between the plane of two derivatives and that of a normal; 0 where the former is none."""
     own = jnp.cross(one, other)
-    return jnp.where(norm(own) == 0, 0, angle(own, alike(normal, own)))
+    least = 1e4 * jnp.finfo(own.dtype).eps * (one @ one + other @ other)
+    return jnp.where(norm(own) <= least, 0, angle(own, alike(normal, own)))
 
 
 def predicted(shape: TangentSurface, sides: dict[str, SideFacts], corners: dict[tuple[int, int], Corner]) -> Any:

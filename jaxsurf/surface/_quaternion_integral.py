@@ -158,7 +158,8 @@ class QISurface(AbstractSurface):
         """How many polynomials stand for a span along v."""
         # half way between directions a and b that are θ apart |a + b| = 2 cos(θ/2): there a change of either turns the most
         steeper = 1 / max(math.cos(self.angle_u / 2), 0.1)
-        return pieces_per_span(self.degree_v, self.angle_v * steeper, self.tolerance, NODES)
+        # and they are no entire functions of v: the bound was missed by a factor of 500
+        return pieces_per_span(self.degree_v, self.angle_v * steeper, 1e-3 * self.tolerance, NODES)
 
     def length(self, v: Float[Array, ""]) -> Float[Array, ""]:
         """The length l(v) of the u-line at one parameter, inside traced code."""

@@ -15,6 +15,8 @@ def neighbour(seed=0):
 @pytest.mark.parametrize(("sides", "operator"), [(("u1",), "auto"), (("v0", "v1"), "hermite"), (SIDES, "gregory")])
 def test_planes_and_curvatures_of_a_neighbour_are_met(sides, operator):
     base, given = surface(2), to(neighbour(2), *sides)
+    if sides == SIDES:  # two neighbours, which do not fit together at corners
+        given |= to(tilted(2), "v0", "v1")
     report = js.tangency_report(base, **given, operator=operator, order=2)
     assert report.operator == (operator if operator != "auto" else "hermite")
     assert [row.side for row in report.sides] == list(sides)
@@ -41,7 +43,7 @@ def test_the_gap_to_a_neighbour_beyond_as_continuity_measures_it():
     other = js.BSplineSurface(beyond, KNOTS, KNOTS, 3, 3)
     bent = js.tangent_to(base, u1=(other, "u0"), order=2)
     before, after = (js.continuity(shape, other, side_a="u1", side_b="u0") for shape in (base, bent))
-    assert float(np.max(before.g1)) > 0.05 and float(np.max(before.g2)) > 0.1
+    assert float(np.max(before.g1)) > 0.05 and float(np.max(before.g2)) > 0.05
     assert float(np.max(after.g1)) < 1e-9 and float(np.max(after.g2_relative)) < 1e-8
 
 
@@ -55,7 +57,9 @@ def test_prescribed_curvatures_by_number_numbers_and_function_are_the_same():
     (row,) = report.sides
     assert row.after < 1e-12 and row.bend_after < 1e-10 and row.curvature == pytest.approx(0.7, abs=1e-12)
     assert row.bend_before > 0.1 and row.boundary > 1e-3
-    assert boundary_error(one, base) == pytest.approx(row.boundary, rel=0.2)
+    moved = np.linalg.norm(np.asarray(one.grid(at, at)) - np.asarray(base.grid(at, at)), axis=-1)
+    assert moved[:, [0, -1]].max() == pytest.approx(row.boundary, rel=0.01)  # where curves meet the side
+    assert moved[[0, -1]].max() < 1e-13
     with pytest.warns(js.GeometryWarning):
         other = js.tangent_to(base, **to(target, "u0"), order=2, curvature={"u0": lambda v: 0.7 + 0 * v})
     np.testing.assert_allclose(np.asarray(other.grid(at, at)), np.asarray(one.grid(at, at)), rtol=0, atol=1e-13)

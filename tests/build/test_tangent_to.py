@@ -80,6 +80,7 @@ def test_a_triangular_sheet_is_met_by_h_and_refused_to_f_at_its_tip():
     tip = js.BSplineSurface(net, KNOTS, KNOTS, 3, 3)
     net[2, 2] += [0, 0, 0.2]
     net[-2, 2] += [0, 0, 0.1]
+    net[2, 1] += [0, 0, 0.1]
     target = js.BSplineSurface(net, KNOTS, KNOTS, 3, 3)
     given = to(target, "u1", "v0")
     report = js.tangency_report(tip, **given, operator="gregory")
