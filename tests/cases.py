@@ -12,7 +12,8 @@ import jax
 import numpy as np
 
 import jaxsurf as js
-from jaxsurf.build._edge_fields import CurveField
+from jaxsurf.build._curved_surface import CurvedSurface
+from jaxsurf.build._edge_fields import CurvatureField, CurveField
 from jaxsurf.build._network_curves import NetworkEdge
 from jaxsurf.build._tangent_surface import TangentSurface
 from jaxsurf.curve import breaks
@@ -411,6 +412,16 @@ def _(rng: np.random.Generator) -> Case:
     normals = 0.5 * rng.normal(size=(2, 3)) + [0, 0, 3]
     field = CurveField(js.BSplineCurve(normals, js.clamped_knots(2, 1), 1))
     return Case(TangentSurface(make("BSplineSurface").shape, (field, None, None, None), "hermite"))
+
+
+@case(SURFACES, "CurvedSurface")
+def _(rng: np.random.Generator) -> Case:
+    flat = make("TangentSurface").shape
+    bends = np.stack([rng.uniform(-0.5, 0.5, 2), np.zeros(2), np.zeros(2)], axis=1)
+    curves = js.BSplineCurve(bends, js.clamped_knots(2, 1), 1)
+    return Case(
+        CurvedSurface(flat.surface, (CurvatureField(flat.fields[0], curves, (0.0, 1.0)), None, None, None), "hermite")
+    )
 
 
 def _rows(basis: js.BSplineBasis, places: np.ndarray) -> list[np.ndarray]:

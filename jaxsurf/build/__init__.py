@@ -6,6 +6,7 @@ from ._blend import (
 )
 from ._coons import Coons as Coons, coons as coons
 from ._creases import Creases as Creases, creases as creases, split_at_creases as split_at_creases
+from ._curved_surface import CurvedSurface as CurvedSurface
 from ._extended_coons import ExtendedCoons as ExtendedCoons, extended_coons as extended_coons
 from ._extrude import Extrusion as Extrusion, extrude as extrude
 from ._gordon import Gordon as Gordon, gordon as gordon
@@ -25,6 +26,9 @@ from ._sweep import Sweep as Sweep
 from ._tangent_surface import TangentSurface as TangentSurface
 from ._tangent_to import (
     CornerReport as CornerReport,
+    CurvatureReport as CurvatureReport,
+    CurvedCornerReport as CurvedCornerReport,
+    CurvedSideReport as CurvedSideReport,
     SideReport as SideReport,
     TangencyReport as TangencyReport,
     tangency_report as tangency_report,

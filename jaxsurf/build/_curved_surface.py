@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._prepared import prepare
+from .._registry import register
 from .._safe import divide, norm, unit
 from ._guides import shares_of, value_and_slope, with_two_slopes
 from ._ribbons import AbstractRibbons, ribbons_of
@@ -15,6 +16,7 @@ from ._tangent_surface import AbstractBentSurface, weighted
 OPERATORS = ("hermite", "gregory")
 
 
+@register
 class CurvedSurface(AbstractBentSurface):
     """A surface bent so that along some sides it is tangent to planes and has given normal curvatures across, G2.
 

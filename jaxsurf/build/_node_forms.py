@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from .._safe import divide, norm, unit
 
@@ -31,7 +31,7 @@ def node_forms(
     normals: Float[Array, "n 3"],
     first: Float[Array, "n c 2 3"],
     second: Float[Array, "n c 2 2 3"],
-    counted: Float[np.ndarray, "n c 2"],
+    counted: Int[np.ndarray, "n c 2"],
 ) -> NodeForms:
     """Forms with the normal curvatures of all curves at each node, as well as there are such, and in what these leave open
     those of the mean of the patches' own.

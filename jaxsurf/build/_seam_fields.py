@@ -21,10 +21,10 @@ from ._tangent_surface import TangentSurface
 
 
 class SeamFacts(NamedTuple):
-    """What was found at nodes: angles between curves and the plane there, per end of a seam; of order 2 how far normal
-    curvatures are off those of the node's form, see `NodeForms`."""
+    """What was found at nodes: sines of the angles between curves and the plane there, for both directions of its corners;
+    of order 2 how far normal curvatures are off those of the node's form, see `NodeForms`."""
 
-    off: Float[Array, "e"]
+    off: Float[Array, "n c 2"]
     bends: Float[Array, "n c 2"]
 
 
@@ -41,7 +41,7 @@ def bent_patches(
         read_sides(row_of(sweeps[kind.kind], kind.rows), kind, at, order) for kind, at in zip(classes, parts, strict=True)
     ]
     normals = _node_normals(seams, classes, reads)
-    ends, b, tangent, off = _along(seams, classes, reads, normals)
+    ends, b, tangent = _along(seams, classes, reads, normals)
     lengths = norm(tangent[:, [0, -1]])
     slopes = jnp.einsum("ek,nkx->nex", jnp.asarray(tables().slopes, ends.dtype), ends, precision="highest")
     turning = jnp.sum(slopes * b[:, [0, 2]], axis=-1)
@@ -88,7 +88,7 @@ def bent_patches(
         bend = lambda sweep, fields: surface(sweep, tuple(SeamField(*field) for field in fields), "gregory")
         own = row_of(sweeps[kind.kind], kind.rows)
         made.append(eqx.filter_vmap(bend)(own, _fields(kind, read, at, vectors, bends, ends)))
-    return made, SeamFacts(off, odd)
+    return made, SeamFacts(_off_planes(seams, classes, reads, normals), odd)
 
 
 def _node_normals(seams: Seams, classes: list[SeamClass], reads: list[Read]) -> Float[Array, "n 3"]:
@@ -126,9 +126,9 @@ def _bends(
     return jnp.einsum("dk,nk->nd", through, values, precision="highest"), turning.reshape(-1), forms.off
 
 
-def _along(seams: Seams, classes: list[SeamClass], reads: list[Read], normals: Array) -> tuple[Array, Array, Array, Array]:
+def _along(seams: Seams, classes: list[SeamClass], reads: list[Read], normals: Array) -> tuple[Array, Array, Array]:
     """Of every seam, in its direction: the normals R at the Chebyshev places, the nodes' own ones at both ends (s, k, 3);
-    n × t there at the ends and amid (s, 3, 3); derivatives along (s, k, 3); sines of angles of curve and plane per end."""
+    n × t there at the ends and amid (s, 3, 3); derivatives along (s, k, 3)."""
     own, along = (gathered(seams, classes, [getattr(read, name) for read in reads]) for name in ("own", "along"))
     one, other = own[:, 0], own[:, 1]
     same = jnp.where(jnp.sum(one * other, axis=-1, keepdims=True) < 0, -1.0, 1.0).astype(one.dtype)
@@ -139,10 +139,19 @@ def _along(seams: Seams, classes: list[SeamClass], reads: list[Read], normals: A
     mean = mean.at[:, [0, -1]].set(at_ends)
     tangent = along[:, 0]
     middle = (NODES - 1) // 2
-    direction = unit(tangent)
-    b = jnp.cross(mean[:, [0, middle, -1]], direction[:, [0, middle, -1]])
-    off = jnp.abs(jnp.sum(at_ends * direction[:, [0, -1]], axis=-1)).reshape(-1)
-    return mean, b, tangent, off
+    b = jnp.cross(mean[:, [0, middle, -1]], unit(tangent[:, [0, middle, -1]]))
+    return mean, b, tangent
+
+
+def _off_planes(
+    seams: Seams, classes: list[SeamClass], reads: list[Read], normals: Float[Array, "n 3"]
+) -> Float[Array, "n c 2"]:
+    """Sines of the angles between curves and the planes of nodes; 0 along free sides, which may move, and at tips."""
+    index, counts = corners_at_nodes(seams)
+    first = by_patch(classes, [read.first for read in reads])[index[..., 0], index[..., 1], index[..., 2]]
+    lengths = norm(first)
+    counted = (counts > 0) & (lengths > 1e-9 * jnp.max(lengths, axis=(1, 2), keepdims=True))
+    return jnp.where(counted, jnp.abs(jnp.sum(unit(first) * normals[:, None, None], axis=-1)), 0)
 
 
 def _wanted(seams: Seams, classes: list[SeamClass], reads: list[Read]) -> Float[Array, "c"]:

@@ -86,7 +86,7 @@ def read_sides(sweeps: Any, kind: SeamClass, parts: Any, order: int) -> Read:
             for side in (2 * axis, 2 * axis + 1):
                 if kind.counts[side] > 1:
                     first, last = at[side][:-1, None], at[side][1:, None]
-                    shares.append((first + (last - first) * places[GAUSS:]).reshape(-1))
+                    shares.append((first + (last - first) * places[None, GAUSS:]).reshape(-1))
             at_shares = jnp.concatenate(shares)
             _, across, along = jax.vmap(lambda t, axis=axis: ribbons.sides(axis, t))(at_shares)
             own = unit(jnp.cross(across, along) if axis == 0 else jnp.cross(along, across))

@@ -94,31 +94,34 @@ def seams_of(topology: NetworkTopology) -> Seams:
     return Seams(tuple(edges), sides, nodes, _corners(topology, numbers), _joints(sides), free)
 
 
-def refuse_bent_nodes(topology: NetworkTopology, off: Float[np.ndarray, "e"], allowed: float) -> None:
-    """Refuse nodes whose curves have no common tangent plane; off: sines of the angles to it at the ends of seams."""
-    if not len(off) or not off.max() > allowed:
+def refuse_bent_nodes(topology: NetworkTopology, off: Float[np.ndarray, "n c 2"], allowed: float) -> None:
+    """Refuse nodes whose curves have no common tangent plane; off: sines of the angles to it."""
+    if not off.size or not off.max() > allowed:
         return
-    end = int(off.argmax())
-    patch, side = seams_of(topology).edges[end // 2].sides[0]
-    name = _name(topology, patch, side)
+    name, place, sine = _worst(topology, off)
     raise InputError(
-        f"A smooth network needs a plane at each node that holds the tangents of all curves there; {name} is off it by "
-        f"{math.degrees(math.asin(min(1, off[end]))):.3g}° at an end of side {side} of patch {patch}; turn its tangent, or "
-        "leave the network as it is."
+        f"A smooth network needs a plane at each node that holds the tangents of all curves there; at {place} {name} is off "
+        f"it by {math.degrees(math.asin(min(1, sine))):.3g}°; turn its tangent, or leave the network as it is."
     )
+
+
+def _worst(topology: NetworkTopology, values: Float[np.ndarray, "n c 2"]) -> tuple[str, str, float]:
+    """The curve with the largest value at corners of nodes, the corner, and the value."""
+    node, corner, direction = np.unravel_index(np.abs(values).argmax(), values.shape)
+    patch, (i, j) = seams_of(topology).corners[node][corner]
+    name = _name(topology, patch, (f"v{j}", f"u{i}")[direction])
+    return name, f"corner (u{i}, v{j}) of patch {patch}", float(abs(values[node, corner, direction]))
 
 
 def refuse_odd_bends(topology: NetworkTopology, bends: Float[np.ndarray, "n c 2"], allowed: float) -> None:
     """Refuse nodes whose curves have normal curvatures that no one surface has; bends: by how much, times their speeds."""
     if not bends.size or not np.abs(bends).max() > allowed:
         return
-    node, corner, direction = np.unravel_index(np.abs(bends).argmax(), bends.shape)
-    patch, (i, j) = seams_of(topology).corners[node][corner]
-    name, off = _name(topology, patch, (f"v{j}", f"u{i}")[direction]), abs(bends[node, corner, direction])
+    name, place, off = _worst(topology, bends)
     raise InputError(
-        "A smooth network of `order=2` needs curves whose normal curvatures at a node are those of one surface; at corner "
-        f"(u{i}, v{j}) of patch {patch} they are not: {name} is off the nearest such by {off:.3g} / its length; let no more "
-        "than three directions meet there, change the curves, or take `order=1`."
+        "A smooth network of `order=2` needs curves whose normal curvatures at a node are those of one surface; at "
+        f"{place} they are not: {name} is off the nearest such by {off:.3g} / its length; let no more than three directions "
+        "meet there, change the curves, or take `order=1`."
     )
 
 

@@ -38,6 +38,31 @@ def sheet(guides, characters, **options):
     )
 
 
+def star(kinds, seed, bend=0.3):
+    """A node with spokes of random curvature all round, "g" of guides and "c" of characters, in patches that are random too:
+    triangles between spokes of one kind, else quads. The tangents of all curves at a node lie in one plane."""
+    rng, m = np.random.default_rng(seed), len(kinds)
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    angles = 2 * np.pi * (np.arange(m) + rng.uniform(-0.25, 0.25, m)) / m
+    spokes = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    ends = spokes + bend * rng.normal(size=(m, 1)) * [0, 0, 1]
+    out = ends * np.stack([np.ones(m), np.ones(m), rng.uniform(0.5, 1.5, m)], axis=1) + 0.1 * rng.normal(size=(m, 3))
+    beside = np.stack([-np.sin(angles), np.cos(angles), bend * rng.normal(size=m)], axis=1)
+    curves = {"g": [], "c": []}
+    put = lambda kind, *points: curves[kind].append(js.BSplineCurve(np.stack(points) @ turn.T, js.clamped_knots(4, 3), 3))
+    for i in range(m):
+        j = (i + 1) % m
+        put(kinds[i], np.zeros(3), 0.33 * spokes[i], ends[i] - 0.33 * out[i], ends[i])
+        if kinds[i] == kinds[j]:
+            put("gc"[kinds[i] == "g"], ends[i], ends[i] + 0.3 * beside[i], ends[j] - 0.3 * beside[j], ends[j])
+            continue
+        tip = 1.3 * (spokes[i] + spokes[j]) / np.linalg.norm(spokes[i] + spokes[j]) + [0, 0, bend * rng.normal()]
+        for k, way, kind in ((i, 1, kinds[j]), (j, -1, kinds[i])):
+            near_tip = tip + 0.3 * (ends[k] - tip) + 0.05 * rng.normal(size=3)
+            put(kind, ends[k], ends[k] + 0.25 * (out[k] + way * beside[k]), near_tip, tip)
+    return js.network(curves["g"], curves["c"], tolerance=1e-3)
+
+
 def along_side(place, part, shares):
     """Parameters u, v on a part of a side of a patch."""
     _, side = place

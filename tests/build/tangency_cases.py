@@ -48,3 +48,8 @@ def boundary_error(bent, base):
     """On the outline of a grid of points."""
     off = np.abs(np.asarray(bent.grid(INSIDE, INSIDE)) - np.asarray(base.grid(INSIDE, INSIDE)))
     return max(off[[0, -1]].max(), off[:, [0, -1]].max())
+
+
+def report(base, **given) -> Any:
+    """`js.tangency_report` of either order."""
+    return js.tangency_report(base, **given)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from build.tangency_cases import KNOTS, SIDES, boundary_error, surface, tilted, to
+from build.tangency_cases import KNOTS, SIDES, boundary_error, report, surface, tilted, to
 
 import jaxsurf as js
 
@@ -17,17 +17,17 @@ def test_planes_and_curvatures_of_a_neighbour_are_met(sides, operator):
     base, given = surface(2), to(neighbour(2), *sides)
     if sides == SIDES:  # two neighbours, which do not fit together at corners
         given |= to(tilted(2), "v0", "v1")
-    report = js.tangency_report(base, **given, operator=operator, order=2)
-    assert report.operator == (operator if operator != "auto" else "hermite")
-    assert [row.side for row in report.sides] == list(sides)
-    for row in report.sides:
+    found = report(base, **given, operator=operator, order=2)
+    assert found.operator == (operator if operator != "auto" else "hermite")
+    assert [row.side for row in found.sides] == list(sides)
+    for row in found.sides:
         assert row.before > 0.05 and row.after < 1e-12
         assert row.bend_before > 0.1 and row.bend_after < 1e-10 * max(1.0, row.curvature)
         assert row.boundary < 1e-12  # the neighbour has the same boundary curves
-    assert len(report.corners) == (4 if len(sides) == 4 else 0)
-    if report.corners:
-        assert not report.compatible and max(abs(corner.twist) for corner in report.corners) > 1e-3
-        assert "corner u1 v0" in str(report)
+    assert len(found.corners) == (4 if len(sides) == 4 else 0)
+    if found.corners:
+        assert not found.compatible and max(abs(corner.twist) for corner in found.corners) > 1e-3
+        assert "corner u1 v0" in str(found)
     bent = js.tangent_to(base, **given, operator=operator, order=2)
     assert boundary_error(bent, base) < 1e-13
 
@@ -53,8 +53,8 @@ def test_prescribed_curvatures_by_number_numbers_and_function_are_the_same():
     with pytest.warns(js.GeometryWarning, match="move by up to"):
         one = js.tangent_to(base, **to(target, "u0"), order=2, curvature={"u0": 0.7})
     with pytest.warns(js.GeometryWarning, match="move by up to"):
-        report = js.tangency_report(base, **to(target, "u0"), order=2, curvature={"u0": np.full(5, 0.7)})
-    (row,) = report.sides
+        found = report(base, **to(target, "u0"), order=2, curvature={"u0": np.full(5, 0.7)})
+    (row,) = found.sides
     assert row.after < 1e-12 and row.bend_after < 1e-10 and row.curvature == pytest.approx(0.7, abs=1e-12)
     assert row.bend_before > 0.1 and row.boundary > 1e-3
     moved = np.linalg.norm(np.asarray(one.grid(at, at)) - np.asarray(base.grid(at, at)), axis=-1)

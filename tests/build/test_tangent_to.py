@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from build.tangency_cases import INSIDE, KNOTS, boundary_error, surface, tilted, to
+from build.tangency_cases import INSIDE, KNOTS, boundary_error, report, surface, tilted, to
 
 import jaxsurf as js
 
@@ -69,9 +69,9 @@ def test_flat_sheets_are_refused_to_f_and_met_by_h():
     normal = lambda v: jnp.stack([jnp.sin(16 * v**2 * (1 - v) ** 2), 0 * v, jnp.cos(16 * v**2 * (1 - v) ** 2)])
     with pytest.raises(js.InputError, match=r"`u0` cannot be met by \"scaling\".*\(4\.14\).*hermite"):
         js.tangent_to(flat, u0=normal, operator="scaling")
-    report = js.tangency_report(flat, u0=normal)
-    assert report.operator == "hermite" and report.behaves < 1
-    assert report.sides[0].before > 0.5 and report.sides[0].after < 1e-12
+    found = report(flat, u0=normal)
+    assert found.operator == "hermite" and found.behaves < 1
+    assert found.sides[0].before > 0.5 and found.sides[0].after < 1e-12
 
 
 def test_a_triangular_sheet_is_met_by_h_and_refused_to_f_at_its_tip():
@@ -83,8 +83,8 @@ def test_a_triangular_sheet_is_met_by_h_and_refused_to_f_at_its_tip():
     net[2, 1] += [0, 0, 0.1]
     target = js.BSplineSurface(net, KNOTS, KNOTS, 3, 3)
     given = to(target, "u1", "v0")
-    report = js.tangency_report(tip, **given, operator="gregory")
-    assert [side.before > 0.02 and side.after < 1e-12 for side in report.sides] == [True, True]
+    found = report(tip, **given, operator="gregory")
+    assert [side.before > 0.02 and side.after < 1e-12 for side in found.sides] == [True, True]
     assert boundary_error(js.tangent_to(tip, **given, operator="gregory"), tip) < 1e-13
     with pytest.raises(js.InputError, match="single point"):
         js.tangent_to(tip, u0=(0.0, 0.0, 1.0), operator="scaling")
