@@ -419,9 +419,8 @@ def _(rng: np.random.Generator) -> Case:
     flat = make("TangentSurface").shape
     bends = np.stack([rng.uniform(-0.5, 0.5, 2), np.zeros(2), np.zeros(2)], axis=1)
     curves = js.BSplineCurve(bends, js.clamped_knots(2, 1), 1)
-    return Case(
-        CurvedSurface(flat.surface, (CurvatureField(flat.fields[0], curves, (0.0, 1.0)), None, None, None), "hermite")
-    )
+    field = CurvatureField(flat.fields[0], curves)
+    return Case(CurvedSurface(flat.surface, (field, None, None, None), "hermite"))
 
 
 def _rows(basis: js.BSplineBasis, places: np.ndarray) -> list[np.ndarray]:

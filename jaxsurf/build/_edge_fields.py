@@ -141,7 +141,7 @@ class CurvatureField(AbstractEdgeField):
 
     field: AbstractEdgeField
     values: AbstractCurve | Callable[[Any], Any]
-    domain: tuple[Any, Any]
+    domain: tuple[Any, Any] | None = None
 
     def normal(self, share: Float[Array, ""]) -> Float[Array, "3"]:
         return self.field.normal(share)
@@ -151,11 +151,10 @@ class CurvatureField(AbstractEdgeField):
         return True
 
     def curvature(self, share: Float[Array, ""]) -> Float[Array, ""]:
-        a, b = self.values.domain if isinstance(self.values, AbstractCurve) else self.domain
-        place = (1 - share) * a + share * b
         if isinstance(self.values, AbstractCurve):
-            return self.values.point(place)[0]
-        return jnp.asarray(self.values(place), share.dtype)
+            return self.values.point(carried(share, (0.0, 1.0), self.values.domain))[0]
+        assert self.domain is not None
+        return jnp.asarray(self.values(carried(share, (0.0, 1.0), self.domain)), share.dtype)
 
 
 @register
@@ -263,9 +262,8 @@ def given_fields(surface: Any, given: dict[str, Any]) -> tuple[AbstractEdgeField
 
 def with_curvature(field: AbstractEdgeField, given: Any, surface: AbstractSurface, side: str) -> AbstractEdgeField:
     """A field with curvatures across: a number, numbers (n,) at even shares of the side, or a function of the parameter."""
-    domain = surface.domain[1 if side[0] == "u" else 0]
     if callable(given):
-        return CurvatureField(field, given, domain)
+        return CurvatureField(field, given, surface.domain[1 if side[0] == "u" else 0])
     values = as_float(given, surface.dtype)
     if values.shape == ():
         values = jnp.broadcast_to(values, (2,))
@@ -274,9 +272,7 @@ def with_curvature(field: AbstractEdgeField, given: Any, surface: AbstractSurfac
             f"`curvature` of {side} must be a number, numbers (n,) at even shares of the side, or a function of the "
             f"parameter, got shape {values.shape}."
         )
-    return CurvatureField(
-        field, _through(jnp.stack([values, jnp.zeros_like(values), jnp.zeros_like(values)], axis=1)), domain
-    )
+    return CurvatureField(field, _through(jnp.stack([values, jnp.zeros_like(values), jnp.zeros_like(values)], axis=1)))
 
 
 def _through(normals: Float[Array, "n 3"]) -> AbstractCurve:
