@@ -16,6 +16,7 @@ from ._make_network import network as network
 from ._make_sweep import sweep as sweep
 from ._network import Network as Network
 from ._network_curves import NetworkEdge as NetworkEdge
+from ._network_reports import NetworkReport as NetworkReport, PatchReport as PatchReport, UnsolvedNode as UnsolvedNode
 from ._network_topology import NetworkTopology as NetworkTopology
 from ._orientations import OrientationRotation as OrientationRotation
 from ._revolve import Revolution as Revolution, revolve as revolve

@@ -80,7 +80,7 @@ class Network(eqx.Module):
     def patches(self) -> tuple[AbstractSurface, ...]:
         """The patches on [0, 1] × [0, 1], each a `Sweep`, or one bent to the common planes; computed anew at each call."""
         found: list[Any] = [None] * len(self.topology.cells)
-        for members, together in zip(_members(self), stacked_patches(self), strict=True):
+        for members, together in zip(patches_of_stacks(self), stacked_patches(self), strict=True):
             if is_concrete(together):
                 together = jax.tree.map(lambda leaf: concrete(leaf) if eqx.is_array(leaf) else leaf, together)
             for row, patch in enumerate(members):
@@ -125,7 +125,7 @@ class Network(eqx.Module):
             refuse_parts(self.topology)
         smoothed = dataclasses.replace(self, order=order)
         if is_concrete(smoothed):
-            facts, allowed = early(_facts, smoothed), max(_PLANE, 1e3 * eps(self.dtype))
+            facts, allowed = early(bent_network, smoothed)[1], max(_PLANE, 1e3 * eps(self.dtype))
             refuse_bent_nodes(self.topology, concrete(facts.off).astype(np.float64), allowed)
             refuse_odd_bends(self.topology, concrete(facts.bends).astype(np.float64), allowed)
         return smoothed
@@ -272,11 +272,11 @@ def _patch(network: Network, kind: PatchClass, stacks: Stacks, nodes: _Nodes, me
 def stacked_patches(network: Network) -> list[Any]:
     """The patches of each structure, with all their arrays stacked."""
     if network.order:
-        return _bent(network)[0]
+        return bent_network(network)[0]
     return _stacked_patches(network, _nodes_of(network))
 
 
-def _members(network: Network) -> list[tuple[int, ...]]:
+def patches_of_stacks(network: Network) -> list[tuple[int, ...]]:
     """The numbers of the patches of each structure."""
     kinds = _classes(network)
     return [kind.members for kind in (seam_classes(seams_of(network.topology), kinds) if network.order else kinds)]
@@ -285,11 +285,11 @@ def _members(network: Network) -> list[tuple[int, ...]]:
 def _grid(network: Network, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "p m k 3"]:
     if not network.order:
         return _grid_of_patches(network, _nodes_of(network), u, v)
-    order = np.argsort(np.concatenate(_members(network)))
+    order = np.argsort(np.concatenate(patches_of_stacks(network)))
     return _grid_of_stacks(stacked_patches(network), u, v)[order]
 
 
-def _bent(network: Network) -> tuple[list[Any], SeamFacts]:
+def bent_network(network: Network) -> tuple[list[Any], SeamFacts]:
     nodes = _nodes_of(network)
     return _bent_patches(network, nodes, _stacked_patches(network, nodes))
 
@@ -332,10 +332,6 @@ def _bent_patches(network: Network, nodes: _Nodes, sweeps: list[Any]) -> tuple[l
     seams = seams_of(network.topology)
     classes = seam_classes(seams, _classes(network))
     return bent_patches(seams, classes, sweeps, _seam_parts(network, nodes, seams, classes), network.order)
-
-
-def _facts(network: Network) -> SeamFacts:
-    return _bent(network)[1]
 
 
 def _seam_parts(network: Network, nodes: _Nodes, seams: Seams, classes: list[SeamClass]) -> list[Any]:

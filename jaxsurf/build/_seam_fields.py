@@ -22,9 +22,11 @@ from ._tangent_surface import TangentSurface
 
 class SeamFacts(NamedTuple):
     """What was found at nodes: sines of the angles between curves and the plane there, for both directions of its corners;
-    of order 2 how far normal curvatures are off those of the node's form, see `NodeForms`."""
+    what the equations x_i + x_j = c of corners lack, times the length of an edge; of order 2 how far normal curvatures are
+    off those of the node's form, see `NodeForms`."""
 
     off: Float[Array, "n c 2"]
+    lacks: Float[Array, "c"]
     bends: Float[Array, "n c 2"]
 
 
@@ -46,13 +48,15 @@ def bent_patches(
     slopes = jnp.einsum("ek,nkx->nex", jnp.asarray(tables().slopes, ends.dtype), ends, precision="highest")
     turning = jnp.sum(slopes * b[:, [0, 2]], axis=-1)
     matrix, inverse, free = (jnp.asarray(x, ends.dtype) for x in seams.equations())
+    wanted = _wanted(seams, classes, reads)
     x = divide(turning, lengths).reshape(-1)
     if order == 2:  # forms at nodes say what normals do there
         bends, x, odd = _bends(seams, classes, reads, (normals, ends, b, tangent))
         free = free[:, :0]
     else:
-        wanted = _wanted(seams, classes, reads)
         bends, x, odd = None, x - inverse @ (matrix @ x - wanted), jnp.zeros((0, 0, 2), ends.dtype)
+    sizes = jnp.mean(lengths, axis=1)[np.array([joint.ends[0] // 2 for joint in seams.joints], int)]
+    lacks = sizes * (matrix @ x - wanted)
     start = jnp.concatenate([lengths * x.reshape(-1, 2) - turning, jnp.zeros_like(turning)], axis=1)
     base = jnp.einsum("dk,nkx->ndx", jnp.asarray(tables().through, ends.dtype), ends, precision="highest")
     turns = jnp.einsum("aqd,nqx->nadx", jnp.asarray(tables().bends, ends.dtype), b, precision="highest")
@@ -88,7 +92,7 @@ def bent_patches(
         bend = lambda sweep, fields: surface(sweep, tuple(SeamField(*field) for field in fields), "gregory")
         own = row_of(sweeps[kind.kind], kind.rows)
         made.append(eqx.filter_vmap(bend)(own, _fields(kind, read, at, vectors, bends, ends)))
-    return made, SeamFacts(_off_planes(seams, classes, reads, normals), odd)
+    return made, SeamFacts(_off_planes(seams, classes, reads, normals), lacks, odd)
 
 
 def _node_normals(seams: Seams, classes: list[SeamClass], reads: list[Read]) -> Float[Array, "n 3"]:

@@ -158,7 +158,10 @@ class TangentSurface(AbstractBentSurface):
             across = jax.vmap(move)(maps, (points, across))
         own = unit(jnp.cross(across, along) if axis == 0 else jnp.cross(along, across))
         given = self.normals(axis, share, along)
-        normals = jnp.stack([alike(given[k], own[k]) if k in given else own[k] for k in (0, 1)])
+        weights = [None if field is None else field.weight for field in self.fields[2 * axis : 2 * axis + 2]]
+        there = [alike(given[k], own[k]) if k in given else own[k] for k in (0, 1)]
+        there = [n if w is None else w * n + (1 - w) * own[k] for k, (n, w) in enumerate(zip(there, weights, strict=True))]
+        normals = jnp.stack(there)
         return Line(points, across, own, normals, unit(points[1] - points[0]), (0 in given, 1 in given))
 
 

@@ -12,6 +12,8 @@ from .._errors import GeometryWarning, InputError
 from ..surface import AbstractSurface
 from ._curved_surface import OPERATORS as SECOND_ORDER, CurvedSurface
 from ._edge_fields import given_fields, with_curvature
+from ._network import Network
+from ._network_reports import NetworkReport, network_report
 from ._ribbons import CORNERS, SIDES
 from ._tangency_facts import (
     Corner,
@@ -76,7 +78,7 @@ def tangent_to(
 
 
 def tangency_report(
-    surface: AbstractSurface,
+    surface: AbstractSurface | Network,
     *,
     u0: Any = None,
     u1: Any = None,
@@ -86,9 +88,17 @@ def tangency_report(
     order: int = 1,
     curvature: dict[str, Any] | None = None,
     tolerance: float = 1e-6,
-) -> TangencyReport | CurvatureReport:
-    """What `tangent_to` with the same arguments does to a surface, and what it finds on its sides and corners."""
+) -> TangencyReport | CurvatureReport | NetworkReport:
+    """What `tangent_to` with the same arguments does to a surface, and what it finds on its sides and corners.
+
+    Of a smooth network, given alone: what `Network.smooth` did to each patch, where F would have been fit, and at which
+    nodes twists have no common solution.
+    """
     given = {"u0": u0, "u1": u1, "v0": v0, "v1": v1}
+    if isinstance(surface, Network):
+        if any(field is not None for field in given.values()):
+            raise InputError("`surface` is a network, whose planes are its own; leave out `u0`, `u1`, `v0` and `v1`.")
+        return network_report(surface, tolerance)
     _check_order(order, curvature)
     if order == 2:
         return _curvature_report(*_curved(surface, given, operator, curvature or {}, tolerance))

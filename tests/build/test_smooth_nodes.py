@@ -10,7 +10,7 @@ import pytest
 from build.network_cases import along_side, character, guide, sheet, star
 
 import jaxsurf as js
-from jaxsurf.build._network import _members, stacked_patches
+from jaxsurf.build._network import patches_of_stacks, stacked_patches
 from jaxsurf.build._network_topology import SIDES
 from jaxsurf.differential._partials import second_partials_at
 
@@ -29,7 +29,7 @@ def gaps(network):
     """Over all inner edges, which are whole sides: the largest angle between tangent planes, and the largest difference of
     normal curvatures across, relative to curvatures above 1."""
     found = {}
-    for members, partials in zip(_members(network), _partials_on_sides(stacked_patches(network)), strict=True):
+    for members, partials in zip(patches_of_stacks(network), _partials_on_sides(stacked_patches(network)), strict=True):
         for row, patch in enumerate(members):
             for k, side in enumerate(SIDES):
                 found[patch, side] = [np.asarray(getattr(partials, name)[row, k]) for name in ("u", "v", "uu", "uv", "vv")]
@@ -68,6 +68,11 @@ def test_planes_are_common_about_nodes_of_any_valence(kinds):
     smooth = network.smooth()
     assert gaps(network)[0] > 0.05
     assert gaps(smooth)[0] < 1e-12
+    report: Any = js.tangency_report(smooth)
+    assert [patch.patch for patch in report.patches] == list(range(len(kinds)))
+    assert all(patch.before > 1e-3 and patch.after < 1e-12 and 0 < patch.relative < 0.1 for patch in report.patches)
+    # the vertex enclosure condition is one of nodes of even valence
+    assert len(report.unsolved) == (len(kinds) == 6) and str(report).count("Gregory's form") == len(report.unsolved)
     at = np.linspace(0, 1, 5)
     moved = np.linalg.norm(np.asarray(smooth.grid(at, at)) - np.asarray(network.grid(at, at)), axis=-1)
     assert moved[:, [0, -1]].max() < 1e-12 and 1e-3 < moved.max() < 0.1
@@ -99,6 +104,9 @@ def test_curvatures_of_a_sheet_are_common_too():
     before, after = gaps(network), gaps(smooth)
     assert before[0] > 1e-2 and before[1] > 0.1
     assert after[0] < 1e-12 and after[1] < 1e-10
+    report: Any = js.tangency_report(smooth)
+    assert all(patch.bend_before > 0.05 and patch.bend_after < 1e-10 for patch in report.patches)
+    assert len(report.patches) == 4 and not report.unsolved
     at = np.linspace(0, 1, 5)
     moved = np.linalg.norm(np.asarray(smooth.grid(at, at)) - np.asarray(network.grid(at, at)), axis=-1)
     assert moved[:, [0, -1]].max() < 1e-12 and moved[:, :, [0, -1]].max() < 1e-12
@@ -106,6 +114,8 @@ def test_curvatures_of_a_sheet_are_common_too():
 
 
 def test_what_cannot_be_smooth_is_refused():
+    with pytest.raises(js.InputError, match=r"`surface` must be a smooth network, got one as it was made"):
+        js.tangency_report(sheet(3, 3))
     with pytest.raises(js.InputError, match="`order` must be 1 for common tangent planes or 2 .*, got 3"):
         sheet(3, 3).smooth(order=3)
     with pytest.raises(js.InputError, match=r"`order=2` needs curves whose normal curvatures at a node .* take `order=1`"):
