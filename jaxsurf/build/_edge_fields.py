@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._arguments import as_type
-from .._array import as_float
+from .._array import as_float, eps, is_concrete
 from .._errors import InputError
 from .._prepared import Preparable
 from .._registry import register
@@ -233,7 +233,7 @@ def as_edge_field(given: Any, surface: AbstractSurface, side: str) -> AbstractEd
                 f"`{side}` given by another surface must be (surface, side) or (surface, side, turned) with a side among "
                 f"{', '.join(SIDES)}, got {given[1:]!r}."
             )
-        return EdgeField(given[0], given[1], bool(given[2]) if len(given) == 3 else False)
+        return EdgeField(given[0], given[1], bool(given[2]) if len(given) == 3 else _runs_back(given, surface, side))
     if isinstance(given, AbstractCurve):
         return CurveField(given)
     if callable(given):
@@ -248,6 +248,30 @@ def as_edge_field(given: Any, surface: AbstractSurface, side: str) -> AbstractEd
             f"of the parameter, or (surface, side) of a neighbour, got shape {normals.shape}."
         )
     return CurveField(_through(normals))
+
+
+def _runs_back(given: tuple[Any, str], surface: AbstractSurface, side: str) -> bool:
+    """Whether a neighbour's side runs against this one; refuses one that is not the same curve at equal shares."""
+    if not is_concrete((given[0], surface)):
+        return False
+    at = np.linspace(0, 1, 9)
+    own, other = (_points_on(shape, name, at) for shape, name in ((surface, side), given))
+    straight, back = (float(np.abs(own - points).max()) for points in (other, other[::-1]))
+    size = float(np.ptp(own, axis=0).max())
+    if min(straight, back) > max(1e-6, 1e3 * eps(surface.dtype)) * size:
+        raise InputError(
+            f"`{side}` must be given by a side that is the same curve at equal shares, but {given[1]} of that surface is "
+            f"{min(straight, back):.3g} off; give another side, one with the same parameters, or normals as a function."
+        )
+    return back < straight
+
+
+def _points_on(surface: AbstractSurface, side: str, shares: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
+    axis, end = divmod(SIDES.index(side), 2)
+    first, last = (float(x) for x in surface.domain[1 - axis])
+    run, fixed = first + (last - first) * shares, np.full(len(shares), float(surface.domain[axis][end]))
+    u, v = (fixed, run) if axis == 0 else (run, fixed)
+    return np.asarray(surface(u, v))
 
 
 def given_fields(surface: Any, given: dict[str, Any]) -> tuple[AbstractEdgeField | None, ...]:

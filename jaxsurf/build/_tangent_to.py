@@ -57,7 +57,8 @@ def tangent_to(
 
     u0, u1, v0, v1: normals of the planes along the sides u = first, u = last, v = first, v = last, of any length: a function
     of the parameter along the side, (3,) each; an array (n, 3) at even steps of it; a curve of normals;
-    (surface, side) of a neighbour whose side is the same curve, for its tangent planes; None leaves a side free.
+    (surface, side) of a neighbour whose side is the same curve at equal shares of it, either way round, for its tangent
+    planes; None leaves a side free.
     The planes hold the tangents of their side, (4.3), and at its ends the tangents of the sides that it meets, (4.4), within
     `tolerance` radians; between the points of an array they are turned until they do.
     operator: "scaling" (F of the paper, which scales lines across as a whole), "hermite" (H, always defined), "gregory" (H

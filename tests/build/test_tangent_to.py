@@ -39,9 +39,9 @@ def test_normals_by_functions_arrays_and_curves_are_the_same_planes():
     function = lambda v: 3.0 * normal_of(target, 1.0, v)
     plain = np.asarray(js.tangent_to(base, u1=(target, "u1"), operator="hermite").grid(INSIDE, INSIDE))
     assert np.abs(plain - np.asarray(base.grid(INSIDE, INSIDE))).max() > 1e-3
-    turned = (js.reverse(target, "v"), "u1", True)
+    turned, found = (js.reverse(target, "v"), "u1", True), (js.reverse(target, "v"), "u1")
     curve = js.interpolate(samples, parameters="uniform")
-    for given, allowed in ((function, 1e-14), (turned, 1e-14), (samples, 1e-6), (curve, 1e-6)):
+    for given, allowed in ((function, 1e-14), (turned, 1e-14), (found, 1e-14), (samples, 1e-6), (curve, 1e-6)):
         bent = js.tangent_to(base, u1=given, operator="hermite", tolerance=1e-3)
         np.testing.assert_allclose(np.asarray(bent.grid(INSIDE, INSIDE)), plain, rtol=0, atol=allowed)
 
@@ -101,6 +101,10 @@ def test_a_triangular_sheet_is_met_by_h_and_refused_to_f_at_its_tip():
             r"`u0` must be normal to the side's curve within 1e-06 rad, \(4\.3\), and is off by 0\.\d+ rad",
         ),
         ({"u0": lambda v: jnp.zeros(3)}, "`u0` must give finite normals of length > 0"),
+        (
+            {"v1": (surface(), "v0")},
+            "`v1` must be given by a side that is the same curve .* but v0 of that surface is [0-9.]+ off",
+        ),
         ({"v1": (surface(), "w1")}, r"`v1` given by another surface must be \(surface, side\)"),
     ],
 )
