@@ -47,3 +47,24 @@ def _blossom(knots: np.ndarray, degree: int, arguments: np.ndarray, where: np.nd
     matrix = np.zeros((where.size, count))
     matrix[rows[:, None], first[:, None] + np.arange(degree + 1)] = points[:, 0]
     return matrix
+
+
+def derivative_row(knots: Float[np.ndarray, "k"], degree: int, at: float, order: int) -> Float[np.ndarray, "n"]:
+    """Coefficients by control points of a derivative at a parameter of the domain (The NURBS Book, §3.3)."""
+    steps = np.eye(knots.size - degree - 1)
+    for k in range(order):
+        inner = knots[k + 1 : knots.size - k - 1]
+        d = degree - k
+        spans = inner[d:] - inner[:-d]
+        steps = d * np.diff(steps, axis=0) / np.where(spans > 0, spans, 1)[:, None]
+    d = degree - order
+    trimmed = knots[order : knots.size - order]
+    row = _blossom(trimmed, d, np.full((1, d), at), np.array([at])) if d else _constant(trimmed, at)
+    return row[0] @ steps
+
+
+def _constant(knots: np.ndarray, at: float) -> np.ndarray:
+    """The row of the piecewise constants at a parameter, of the last span at the end."""
+    row = np.zeros((1, knots.size - 1))
+    row[0, min(int(np.searchsorted(knots, at, side="right")), int(np.searchsorted(knots, knots[-1]))) - 1] = 1
+    return row
