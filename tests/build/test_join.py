@@ -1,5 +1,6 @@
 """Joins by pseudo-vertices against the merged polygon, the equations of paper 003, and plain jumps of derivatives."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,18 +31,14 @@ def jumps(curve, at, orders=(0, 1, 2)):
     return found
 
 
-def knots_between(a, curve):
-    """The knots after those of `a`'s domain, as far as that of `b`."""
-    return np.asarray(curve.knots)[len(a.knots) - a.degree :]
-
-
 def test_matched_curvature_is_the_uniform_cubic_of_the_merged_polygon():
     first, second = polygon(6, 0.0), polygon(7, 4.0)
     second[0] = first[-1]
     joined = js.join(uniform(first), uniform(second, 20))
     merged = uniform(np.concatenate([first, second[1:]]))
     assert np.array_equal(joined.control_points, merged.control_points)  # bit for bit
-    at = np.linspace(*(float(x) for x in merged.domain), 101)
+    start, end = (float(x) for x in merged.domain)
+    at = np.linspace(start, end, 101)
     np.testing.assert_allclose(joined(at), merged(at), rtol=0, atol=1e-14)
     np.testing.assert_allclose(joined.knots, merged.knots, rtol=0, atol=0)
 
@@ -168,11 +165,12 @@ def test_edges_that_run_opposite_ways_are_turned_and_said():
 
 def test_gradients_by_both_polygons_are_those_of_differences():
     first, second = jnp.asarray(polygon(6, 0.0)), jnp.asarray(polygon(7, 9.0))
-    knots = np.arange(11.0)
+    curves = uniform(first), uniform(second)
 
     @jax.jit
     def value(first, second):
-        a, b = js.BSplineCurve(first, knots[:10], 3), js.BSplineCurve(second, knots, 3)
+        moved = zip(curves, (first, second), strict=True)
+        a, b = (eqx.tree_at(lambda c: c.control_points, curve, net) for curve, net in moved)
         return jnp.sum(js.join(a, b, curvature="tangent")(7.3) ** 2)
 
     gradients = jax.grad(value, (0, 1))(first, second)
