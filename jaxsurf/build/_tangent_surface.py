@@ -60,6 +60,14 @@ class LineMap(eqx.Module):
         bent = x - sum(hermite_weight(i, place) * self.pulls[i] for i in (0, 1))
         return self.share * scaled + (1 - self.share) * bent
 
+    def affine(self) -> tuple[Float[Array, "3 3"], Float[Array, "3"], Float[Array, "2 3"]]:
+        """A, c and P of x ↦ A x + c − Σ w_i(place) P_i, the same map."""
+        one = jnp.eye(3, dtype=self.e.dtype)
+        step = lambda mu, m: (1 + mu * (m @ self.e)) * one - mu * self.e[:, None] * m[None, :]
+        whole = jnp.matmul(step(self.mu[1], self.first), step(self.mu[0], self.own), precision="highest")
+        constant = self.end - jnp.matmul(whole, self.end, precision="highest")
+        return self.share * whole + (1 - self.share) * one, self.share * constant, (1 - self.share) * self.pulls
+
 
 class AbstractBentSurface(AbstractSurface):
     """A surface bent along the sides that have fields: u = first, u = last, v = first, v = last, or None."""
@@ -250,15 +258,19 @@ class HermiteSurface(AbstractSurface):
     def grid_points(self, u: Float[Array, "m"], v: Float[Array, "k"]) -> Float[Array, "m k 3"]:
         s, t = shares_of(u, v, self.domain)
         total = self.whole.surface.grid_points(u, v)
+        by = (
+            [hermite_weight(end, s)[:, None, None] for end in (0, 1)],
+            [hermite_weight(end, t)[None, :, None] for end in (0, 1)],
+        )
         for end, pull in jax.vmap(lambda y: self._pulls(0, y))(t).items():
-            total = total - hermite_weight(end, s)[:, None, None] * pull[None]
+            total = total - by[0][end] * pull[None]
         for end, pull in jax.vmap(lambda x: self._pulls(1, x))(s).items():
-            total = total - hermite_weight(end, t)[None, :, None] * pull[:, None]
+            total = total - by[1][end] * pull[:, None]
         shares = self._gregory(s[:, None], t[None, :])
-        weights = (jax.vmap(_weights)(s), jax.vmap(_weights)(t))
-        for share, twists in zip(shares, (0, 1), strict=True):
-            bent = jnp.einsum("ma,abx,kb->mkx", weights[0], self.twists[:, :, twists], weights[1], precision="highest")
-            total = total + jnp.broadcast_to(share, total.shape[:2])[..., None] * bent
+        for which, share in enumerate(shares[: 1 if self.whole.operator == "hermite" else 2]):
+            bent = jnp.einsum("abx,kb->akx", self.twists[:, :, which], jax.vmap(_weights)(t), precision="highest")
+            bent = sum(by[0][end] * bent[end][None] for end in (0, 1))
+            total = total + (bent if share.ndim == 0 else share[..., None] * bent)
         return total
 
     def _pulls(self, axis: int, share: Float[Array, ""]) -> dict[int, Float[Array, "3"]]:
@@ -306,10 +318,13 @@ class ScaledSurface(AbstractSurface):
         s, t = shares_of(u, v, self.domain)
         rows, columns = jax.vmap(lambda y: self._map(0, y))(t), jax.vmap(lambda x: self._map(1, x))(s)
         total = self.whole.surface.grid_points(u, v)
-        if rows is not None:
-            total = jax.vmap(lambda line, x: jax.vmap(lambda m, p: m(p, x))(rows, line))(total, s)
-        if columns is not None:
-            total = jax.vmap(lambda m, line: jax.vmap(m)(line, t))(columns, total)
+        for maps, places, at in ((rows, s[:, None, None], np.s_[None, :]), (columns, t[None, :, None], np.s_[:, None])):
+            if maps is not None:
+                matrix, constant, pulls = jax.vmap(LineMap.affine)(maps)
+                moved = sum(matrix[..., j][at] * total[..., j : j + 1] for j in range(3))
+                total = moved + constant[at]
+                if self.whole.operator != "scaling":
+                    total = total - sum(hermite_weight(end, places) * pulls[:, end][at] for end in (0, 1))
         return total
 
     def line(self, axis: int, share: Float[Array, ""]) -> Line:
