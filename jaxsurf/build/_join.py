@@ -133,7 +133,7 @@ def _extended(axis: SplineAxis, points: Float[Array, "k *rest"] | None, natural:
     outer = known[len(known) - axis.degree :]
     if not np.all(np.diff(np.append(body[-1], outer)) > 1e-9 * step):
         outer = body[-1] + step * np.arange(1, axis.degree + 1)
-    whole = np.concatenate([body, outer, outer[-1] + step * np.arange(1, count + 1)]) if axis.degree else body
+    whole = np.concatenate([body, outer, outer[-1] + step * np.arange(1, count + 1)])
     net = _on(axis, known, np.concatenate([body, outer]))
     if points is None:
         row = derivative_row(whole, axis.degree, whole[-axis.degree - 1], min(2, axis.degree))

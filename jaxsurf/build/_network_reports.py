@@ -66,9 +66,7 @@ class NetworkReport(NamedTuple):
 def network_report(network: Network, tolerance: float) -> NetworkReport:
     """The report of a smooth network; tolerance: by how much equations of nodes, in radians, may be missed."""
     if not network.order:
-        raise InputError(
-            "`surface` is a network that is not smooth; give `network.smooth()`, of which a report can be made."
-        )
+        raise InputError("`surface` must be a smooth network, got one as it was made; give `network.smooth()`.")
     if not is_concrete(network):
         raise InputError("`surface` of a report must be known, got one inside `jit` or `grad`; call it outside.")
     seams = seams_of(network.topology)

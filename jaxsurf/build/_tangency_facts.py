@@ -16,7 +16,7 @@ from ._curved_surface import CurvedSurface
 from ._edge_fields import curvature_across
 from ._guides import carried, value_and_slope
 from ._ribbons import SIDES, hermite_weight, ribbons_of
-from ._tangent_surface import Corner, Line, ScaledSurface, TangentSurface, alike, upright
+from ._tangent_surface import AbstractBentSurface, Corner, Line, ScaledSurface, TangentSurface, alike, upright
 
 SAMPLES = 33
 _INSIDE = (0.2, 0.4, 0.6, 0.8)
@@ -86,7 +86,7 @@ def side_facts(shape: TangentSurface) -> tuple[dict[str, SideFacts], dict[tuple[
 
 
 @eqx.filter_jit
-def line_facts(shape: TangentSurface) -> dict[int, LineFacts]:
+def line_facts(shape: AbstractBentSurface) -> dict[int, LineFacts]:
     """Of the lines across both axes that have fields; those across the second one on what F has made of the first."""
     ready: ScaledSurface = TangentSurface(shape.surface, shape.fields, "scaling").prepared()
     at = shares(shape.dtype)
