@@ -255,7 +255,7 @@ def _runs_back(given: tuple[Any, str], surface: AbstractSurface, side: str) -> b
     if not is_concrete((given[0], surface)):
         return False
     at = np.linspace(0, 1, 9)
-    own, other = (_points_on(shape, name, at) for shape, name in ((surface, side), given))
+    own, other = (points_on(shape, name, at) for shape, name in ((surface, side), given))
     straight, back = (float(np.abs(own - points).max()) for points in (other, other[::-1]))
     size = float(np.ptp(own, axis=0).max())
     if min(straight, back) > max(1e-6, 1e3 * eps(surface.dtype)) * size:
@@ -266,7 +266,8 @@ def _runs_back(given: tuple[Any, str], surface: AbstractSurface, side: str) -> b
     return back < straight
 
 
-def _points_on(surface: AbstractSurface, side: str, shares: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
+def points_on(surface: AbstractSurface, side: str, shares: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
+    """Points on a known side at shares of it."""
     axis, end = divmod(SIDES.index(side), 2)
     first, last = (float(x) for x in surface.domain[1 - axis])
     run, fixed = first + (last - first) * shares, np.full(len(shares), float(surface.domain[axis][end]))

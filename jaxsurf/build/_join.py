@@ -15,6 +15,7 @@ from ..edit import _knots, reverse, transpose
 from ..edit._blossom import derivative_row
 from ..edit._spline_axis import SplineAxis, concrete_knots, spline_axis, with_axis
 from ..surface import AbstractSurface, BSplineSurface
+from ._edge_fields import points_on
 from ._ribbons import SIDES
 from ._same_knots import as_spline, product, same_knots
 
@@ -96,10 +97,9 @@ def _edge_at(surface: BSplineSurface, side: str, last: bool) -> BSplineSurface:
 
 
 def _runs_back(a: BSplineSurface, b: BSplineSurface) -> bool:
-    (_, u), v = ((float(x) for x in ends) for ends in a.domain)
-    (s, _), t = ((float(x) for x in ends) for ends in b.domain)
-    ends = [np.asarray(x) for x in (a(np.full(2, u), np.array(list(v))), b(np.full(2, s), np.array(list(t))))]
-    return bool(np.sum((ends[0] - ends[1][::-1]) ** 2) < np.sum((ends[0] - ends[1]) ** 2))
+    """Whether the first u of `b` runs against the last one of `a`."""
+    own, other = (points_on(shape, side, np.array([0.0, 1.0])) for shape, side in ((a, "u1"), (b, "u0")))
+    return bool(np.sum((own - other[::-1]) ** 2) < np.sum((own - other) ** 2))
 
 
 def _spline(curve: Any, name: str) -> BSplineCurve:
@@ -145,21 +145,27 @@ def _extended(axis: SplineAxis, points: Float[Array, "k *rest"] | None, natural:
 
 def _joined(a: SplineAxis, b: SplineAxis, curvature: str, bridge: bool, tolerance: float | None) -> SplineAxis:
     degree = max(a.degree, b.degree, 3)
-    a, b = (_raised(axis, degree) for axis in (a, b))
+    a, b = (_knots.raised(axis, degree, "join") for axis in (a, b))
     known_a, known_b = _known(a), _known(b)
     allowed = 1e6 * eps(a.net.dtype) * _size(a.net, b.net) if tolerance is None else tolerance
-    if not bridge:
-        order = 1 if curvature == "tangent" else 2
-        steps = np.array([_last_step(known_a, degree), _last_step(-known_b[::-1], degree)])
-        made, gap, bend = _merged(a, b, known_a, known_b, steps, degree - order, curvature)
-        _refuse_gap(gap, allowed, curvature, "the last vertex of `a` to be the first of `b`")
-        _refuse_gap(bend, allowed, curvature, "that vertex to be midway between its neighbours")
-        return made
-    return _bridged(a, b, known_a, known_b, curvature)
+    steps = _last_step(known_a, degree), _last_step(-known_b[::-1], degree)
+    if bridge:
+        return _bridged(a, b, known_a, known_b, steps, curvature)
+    order = 1 if curvature == "tangent" else 2
+    made, gap, bend = _merged(a, b, known_a, known_b, steps, degree - order, curvature)
+    _refuse_gap(gap, allowed, curvature, "the last vertex of `a` to be the first of `b`")
+    _refuse_gap(bend, allowed, curvature, "that vertex to be midway between its neighbours")
+    return made
 
 
 def _merged(
-    a: SplineAxis, b: SplineAxis, known_a: np.ndarray, known_b: np.ndarray, steps: np.ndarray, times: int, curvature: str
+    a: SplineAxis,
+    b: SplineAxis,
+    known_a: np.ndarray,
+    known_b: np.ndarray,
+    steps: tuple[float, float],
+    times: int,
+    curvature: str,
 ) -> tuple[SplineAxis, Any, Any]:
     """One segment more each up to a seam of so many knots; distances of what should be one vertex, and off the midpoint."""
     degree = a.degree
@@ -175,13 +181,14 @@ def _merged(
     return SplineAxis(made, _as_knots(whole, a), degree), net_a[len(net_a) - shared :] - net_b[:shared], bend
 
 
-def _bridged(a: SplineAxis, b: SplineAxis, known_a: np.ndarray, known_b: np.ndarray, curvature: str) -> SplineAxis:
+def _bridged(
+    a: SplineAxis, b: SplineAxis, known_a: np.ndarray, known_b: np.ndarray, steps: tuple[float, float], curvature: str
+) -> SplineAxis:
     """Segments between, C^(degree − 1) throughout; without second derivative amid, by one vertex more."""
     degree = a.degree
     more = 1 if curvature == "zero" else 0
-    steps = np.linspace(_last_step(known_a, degree), _last_step(-known_b[::-1], degree), degree + more)
-    between = known_a[-degree - 1] + np.cumsum(steps)[:-1]
-    whole, net_a, net_b = _laid(a, b, known_a, known_b, between, steps[-1])
+    between = known_a[-degree - 1] + np.cumsum(np.linspace(*steps, degree + more))[:-1]
+    whole, net_a, net_b = _laid(a, b, known_a, known_b, between, steps[1])
     parts = [net_a, net_b]
     if more:
         row = derivative_row(whole, degree, between[len(between) // 2], 2)
@@ -216,12 +223,6 @@ def _on(axis: SplineAxis, known: np.ndarray, knots: np.ndarray) -> Array:
         return axis.net
     changed = _knots.on_knots(axis, _as_knots(knots, axis)).net
     return jnp.where(jnp.asarray(same).reshape(-1, *[1] * (axis.net.ndim - 1)), axis.net, changed)
-
-
-def _raised(axis: SplineAxis, degree: int) -> SplineAxis:
-    for _ in range(degree - axis.degree):
-        axis = _knots.elevated(axis, "join")
-    return axis
 
 
 def _known(axis: SplineAxis) -> np.ndarray:

@@ -46,9 +46,7 @@ def same_knots(axes: list[SplineAxis], domain: tuple[Any, Any] | None = None) ->
     if not (all(axis.periodic for axis in axes) and len({axis.degree for axis in axes}) == 1):
         axes = [_knots.clamped(axis, "clamp") for axis in axes]
         top = max(axis.degree for axis in axes)
-        for i, axis in enumerate(axes):
-            for _ in range(top - axis.degree):
-                axes[i] = axis = _knots.elevated(axis, "elevate_degree")
+        axes = [_knots.raised(axis, top, "elevate_degree") for axis in axes]
     dtype = axes[0].knots.dtype
     moved = [_carried(axis, a, b) for axis in axes]
     values = np.sort(np.concatenate(moved))

@@ -60,6 +60,13 @@ def elevated(axis: SplineAxis, function: str) -> SplineAxis:
     return SplineAxis(net, knots, axis.degree + 1)
 
 
+def raised(axis: SplineAxis, degree: int, function: str) -> SplineAxis:
+    """The same spline of a degree that is not lower."""
+    for _ in range(degree - axis.degree):
+        axis = elevated(axis, function)
+    return axis
+
+
 def unrolled(axis: SplineAxis) -> SplineAxis:
     """An ordinary spline: the first `degree` control points repeated at the end, the knots continued."""
     if not axis.periodic:

@@ -79,9 +79,7 @@ def elevate_degree(shape: Any, by: int = 1, direction: str | None = None) -> Any
     axis = _axis(shape, direction, "elevate_degree")
     if by < 0 or by != int(by):
         raise InputError(f"`by` must be a whole number ≥ 0, got {by}.")
-    for _ in range(int(by)):
-        axis = _knots.elevated(axis, "elevate_degree")
-    return with_axis(shape, axis, direction)
+    return with_axis(shape, _knots.raised(axis, axis.degree + int(by), "elevate_degree"), direction)
 
 
 def unrolled(shape: Any, direction: str | None = None) -> Any:
