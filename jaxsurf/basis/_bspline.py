@@ -67,6 +67,20 @@ class BSplineBasis(eqx.Module):
             values = values * t + take(coefficients[power], first)
         return first, [values[i] for i in range(self.degree + 1)]
 
+    def derivatives(self, u: Float[Array, ""], order: int) -> tuple[Int[Array, ""], Float[Array, "orders q"]]:
+        """Index as of `local`, and the `degree + 1` values with their derivatives to an order, by rows."""
+        places, coefficients = span_polynomials(self.unrolled_knots, self.degree)
+        first, t, slope = self.place(u, places)
+        row = jnp.stack([take(functions, first) for functions in coefficients])
+        rows = []
+        for _ in range(order + 1):
+            total = row[-1] if len(row) else jnp.zeros(self.degree + 1, self.knots.dtype)
+            for power in range(len(row) - 2, -1, -1):
+                total = total * t + row[power]
+            rows.append(total)
+            row = row[1:] * (slope * jnp.arange(1, max(len(row), 1), dtype=t.dtype)).reshape(-1, 1)
+        return first, jnp.stack(rows)
+
     def span(self, u: Float[Array, ""]) -> Int[Array, ""]:
         """Index of the first function that does not vanish around `u`, inside one period: the number of its span."""
         return _steps_passed(_inner_steps(self.unrolled_knots, self.degree), u)

@@ -7,6 +7,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..basis import SplinePieces, spline_pieces
@@ -157,13 +158,15 @@ def _(surface: BSplineSurface, axis: int, end: int) -> AbstractRibbon:
 def _spline_rows(surface: BSplineSurface, axis: int, ends: tuple[int, ...]) -> _SplineRows:
     net = surface.control_points if axis == 0 else jnp.swapaxes(surface.control_points, 0, 1)
     basis, along = (surface.basis_u, surface.basis_v)[:: 1 - 2 * axis]
-    first, last = (jnp.asarray(x, net.dtype) for x in basis.domain)
-    at = jnp.stack([(first, last)[end] for end in ends])
-    values, slopes, bends = jax.vmap(lambda u: with_two_slopes(basis.row, u))(at)
-    # of control points along the side: points and derivatives across by the share
-    rows = lambda *by: jnp.einsum("aei,ijx->jaex", jnp.stack(by), net, precision="highest").reshape(net.shape[1], -1)
-    pieces = lambda *by: spline_pieces(along, rows(*by))
-    return _SplineRows(pieces(values, slopes * (last - first)), pieces(bends * (last - first) ** 2))
+    domain = [jnp.asarray(x, net.dtype) for x in basis.domain]
+    first, values = jax.vmap(lambda u: basis.derivatives(u, 2))(jnp.stack([domain[end] for end in ends]))
+    # of control points along the side, by end: points, derivatives across by the share, and second ones
+    window = jax.vmap(lambda k: basis.unroll(net)[k + np.arange(basis.degree + 1, dtype=np.int32)])(first)
+    scales = jnp.stack([jnp.ones_like(domain[0]), domain[1] - domain[0], (domain[1] - domain[0]) ** 2])
+    rows = jnp.einsum("k,ekp,epjx->jkex", scales, values, window, precision="highest").reshape(net.shape[1], -1)
+    pieces, split = spline_pieces(along, rows), 6 * len(ends)
+    part = lambda columns: SplinePieces(along, pieces.places, [c[:, columns] for c in pieces.coefficients])
+    return _SplineRows(part(np.s_[:split]), part(np.s_[split:]))
 
 
 def hermite_weight(end: int, x: Any) -> Any:

@@ -60,13 +60,13 @@ class LineMap(eqx.Module):
         bent = x - sum(hermite_weight(i, place) * self.pulls[i] for i in (0, 1))
         return self.share * scaled + (1 - self.share) * bent
 
-    def affine(self) -> tuple[Float[Array, "3 3"], Float[Array, "3"], Float[Array, "2 3"]]:
-        """A, c and P of x ↦ A x + c − Σ w_i(place) P_i, the same map."""
-        one = jnp.eye(3, dtype=self.e.dtype)
-        step = lambda mu, m: (1 + mu * (m @ self.e)) * one - mu * self.e[:, None] * m[None, :]
-        whole = jnp.matmul(step(self.mu[1], self.first), step(self.mu[0], self.own), precision="highest")
-        constant = self.end - jnp.matmul(whole, self.end, precision="highest")
-        return self.share * whole + (1 - self.share) * one, self.share * constant, (1 - self.share) * self.pulls
+    def affine(self) -> tuple[Array, Array, Array, Array, Array]:
+        """β (), g (3,), e (3,), c (3,) and P (2, 3) of x ↦ β x − e⟨g, x⟩ + c − Σ w_i(place) P_i, the same map."""
+        (mu, nu), share = self.mu, self.share
+        one, other = 1 + mu * (self.own @ self.e), 1 + nu * (self.first @ self.e)
+        stretch, g = share * one * other + (1 - share), share * (mu * self.own + nu * one * self.first)
+        constant = share * self.end - (share * one * other) * self.end + self.e * (g @ self.end)
+        return stretch, g, self.e, constant, (1 - share) * self.pulls
 
 
 class AbstractBentSurface(AbstractSurface):
@@ -320,9 +320,9 @@ class ScaledSurface(AbstractSurface):
         total = self.whole.surface.grid_points(u, v)
         for maps, places, at in ((rows, s[:, None, None], np.s_[None, :]), (columns, t[None, :, None], np.s_[:, None])):
             if maps is not None:
-                matrix, constant, pulls = jax.vmap(LineMap.affine)(maps)
-                moved = sum(matrix[..., j][at] * total[..., j : j + 1] for j in range(3))
-                total = moved + constant[at]
+                stretch, g, e, constant, pulls = _held(jax.vmap(LineMap.affine)(maps))
+                along = sum(g[..., j : j + 1][at] * total[..., j : j + 1] for j in range(3))
+                total = stretch[..., None][at] * total - e[at] * along + constant[at]
                 if self.whole.operator != "scaling":
                     total = total - sum(hermite_weight(end, places) * pulls[:, end][at] for end in (0, 1))
         return total
@@ -336,6 +336,17 @@ class ScaledSurface(AbstractSurface):
         if not self.whole.bent(axis):
             return None
         return self.line(axis, share).map(self.whole.operator)
+
+
+def _held(rows: Any) -> Any:
+    """Arrays by lines as they are, by way of a product with 1: compilers keep products, and work sums out at every point."""
+    leaves, structure = jax.tree.flatten(rows)
+    flat = [leaf.reshape(len(leaf), -1) for leaf in leaves]
+    ends = np.cumsum([leaf.shape[1] for leaf in flat])
+    table = jnp.concatenate(flat, axis=1)
+    table = jnp.matmul(table, jnp.eye(table.shape[1], dtype=table.dtype), precision="highest")
+    parts = jnp.split(table, ends[:-1], axis=1)
+    return jax.tree.unflatten(structure, [part.reshape(leaf.shape) for part, leaf in zip(parts, leaves, strict=True)])
 
 
 def weighted(x: Any, *fields: AbstractEdgeField | None) -> Any:
