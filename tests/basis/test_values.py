@@ -148,16 +148,12 @@ def test_single_precision_stays_single(name):
     assert smooth.max() < 1e-5
 
 
-@pytest.mark.parametrize("degree", [0, 1, 3, 5])
+@pytest.mark.parametrize("degree", [1, 3, 5])
 def test_rows_of_derivatives_are_those_of_forward_mode(degree):
     knots = np.concatenate([np.zeros(degree), [0.0, 0.4, 0.5, 0.9, 1.5], np.full(degree, 1.5)])
     basis = BSplineBasis(jnp.asarray(knots), degree)
+    once = jax.jacfwd(basis.row)
     for u in (0.0, 0.3, 0.5, 1.5):
-        u = jnp.asarray(u)
-        first, rows = basis.derivatives(u, 2)
-        value = lambda t: basis.local(t)[1]
-        slope = lambda t: jax.jvp(value, (t,), (jnp.ones_like(t),))[1]
-        bend = jax.jvp(slope, (u,), (jnp.ones_like(u),))[1]
-        assert first == basis.local(u)[0]
-        for row, plain in zip(rows, (value(u), slope(u), bend), strict=True):
-            np.testing.assert_allclose(row, plain, rtol=1e-12, atol=1e-10)
+        first, rows = basis.derivatives(jnp.asarray(u), 2)
+        for row, plain in zip(rows, (basis.row, once, jax.jacfwd(once)), strict=True):
+            np.testing.assert_allclose(row, plain(jnp.asarray(u))[first : first + degree + 1], rtol=1e-12, atol=1e-10)
