@@ -41,6 +41,7 @@ from .build import (
     make_compatible as make_compatible,
     network as network,
     revolve as revolve,
+    segment as segment,
     smooth_creases as smooth_creases,
     smoothstep as smoothstep,
     split_at_creases as split_at_creases,

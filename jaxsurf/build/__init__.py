@@ -10,7 +10,7 @@ from ._curved_surface import CurvedSurface as CurvedSurface
 from ._extended_coons import ExtendedCoons as ExtendedCoons, extended_coons as extended_coons
 from ._extrude import Extrusion as Extrusion, extrude as extrude
 from ._gordon import Gordon as Gordon, gordon as gordon
-from ._join import extend as extend, join as join
+from ._join import extend as extend, join as join, segment as segment
 from ._loft import Loft as Loft, loft as loft
 from ._make_compatible import MendedField as MendedField, MendedFields as MendedFields, make_compatible as make_compatible
 from ._make_network import network as network

@@ -1,6 +1,8 @@
 """Splines extended and joined by pseudo-vertices, without a change of what is joined."""
 
 import warnings
+from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import jax.numpy as jnp
@@ -8,18 +10,22 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._arguments import early
-from .._array import as_float, concrete, eps, is_concrete
+from .._array import as_float, concrete, is_concrete
 from .._errors import GeometryWarning, InputError
+from ..convert import to_bspline
 from ..curve import AbstractCurve, BSplineCurve
-from ..edit import _knots, reverse, transpose
-from ..edit._blossom import derivative_row
+from ..edit import reverse, transpose
 from ..edit._spline_axis import SplineAxis, concrete_knots, spline_axis, with_axis
 from ..surface import AbstractSurface, BSplineSurface
 from ._edge_fields import points_on
+from ._join_axes import closed as closed_axis, extended, joined, turned
 from ._ribbons import SIDES
-from ._same_knots import as_spline, product, same_knots
+from ._same_knots import as_spline, same_knots
 
 CURVATURES = ("match", "zero", "tangent")
+BRIDGES = ("shortest", "fairest")
+
+_ACCURACY = 1e-9  # of the size: what is no B-spline is converted within this distance
 
 
 def extend(curve: Any, start: Any = None, end: Any = None) -> BSplineCurve:
@@ -32,62 +38,114 @@ def extend(curve: Any, start: Any = None, end: Any = None) -> BSplineCurve:
     spline = _spline(curve, "curve")
     axis = spline_axis(spline)
     both = start is None and end is None
-    axis = _extended(axis, _vertices(end, "end", axis), both)
-    turned = _turned(axis)
+    axis = extended(axis, _vertices(end, "end", axis), both)
     first = _vertices(start, "start", axis)
-    axis = _turned(_extended(turned, None if first is None else first[::-1], both))
+    axis = turned(extended(turned(axis), None if first is None else first[::-1], both))
     return with_axis(spline, axis)
+
+
+def segment(curve: Any, number: int) -> BSplineCurve:
+    """Segment C_i(t*) of a B-spline curve alone: its `degree + 1` control points, over t* from 0 to 1.
+
+    number: 0 for the first span of the domain, −1 for the last; spans of length 0 do not count. Source: paper 003, (2).
+    """
+    spline = _spline(curve, "curve")
+    knots, degree = concrete_knots(spline_axis(spline), "segment").astype(np.float64), spline.degree
+    spans = [i for i in range(degree, len(knots) - degree - 1) if knots[i + 1] > knots[i]]
+    if not -len(spans) <= number < len(spans):
+        raise InputError(f"`number` must be a segment from 0 to {len(spans) - 1} of the {len(spans)}, got {number}.")
+    at = spans[number]
+    own = (knots[at - degree : at + degree + 2] - knots[at]) / (knots[at + 1] - knots[at])
+    return BSplineCurve(spline.control_points[at - degree : at + 1], early(jnp.asarray, own, spline.knots.dtype), degree)
 
 
 def join(
     a: Any,
-    b: Any,
-    *,
+    *others: Any,
     curvature: str = "match",
     edges: tuple[str, str] = ("u1", "u0"),
-    bridge: bool = False,
+    bridge: bool | str = False,
+    length: float | None = None,
+    closed: bool = False,
     tolerance: float | None = None,
 ) -> Any:
-    """One B-spline curve or surface of two: `a`, a part between, and `b`; both are kept.
+    """One B-spline curve or surface of several, one after the other, with a part between each two; all are kept.
 
     curvature: "tangent" makes the whole C¹: one pseudo-vertex each, A_{n+1} = B₁ + 2B₀ − 2A_n and B₋₁ = A_{n−1} + 2A_n − 2B₀
     if cubic and uniform; "match" C², for which the last vertex of `a` must be the first of `b`, A_{n+1} = B₁, B₋₁ = A_{n−1};
     "zero" also without second derivative at the seam, A_n midway between A_{n−1} and B₁. Vertices may be off by `tolerance`
     (default 10⁶ roundings of the size) and are then taken half way. bridge: where they are farther apart, segments between
-    them, as smooth as the degree allows (C² if cubic). `a` keeps its knots; those of `b` are shifted to follow.
-    edges: of surfaces, the sides that are joined; the seam has all knots of both; where they run opposite ways `b` is
-    turned, with a warning. Differentiable in the control points. Raises `InputError` with the distance where vertices are
-    too far apart. Source: paper 003, (4) to (6); other degrees and knots by blossoms.
+    them, as smooth as the degree allows (C² if cubic): "shortest", or True, with no more vertices than there are; "fairest",
+    with some that make the integral of the squared third derivative least, over a bridge as long as the gap takes at the
+    speed of the ends, or of a `length` in parameters, which is needed where control points are traced. closed: the last is
+    joined to the first as well, and the whole periodic; `join(a, closed=True)` closes one. The first keeps its knots; those
+    that follow are shifted. edges: of surfaces, the sides that are joined, of each two; seams have all knots of both; where
+    they run opposite ways the later one is turned, with a warning. Shapes that are no B-splines are converted within 1e-9 of
+    their size. Differentiable in control points. Raises `InputError` with the distance where vertices are too far apart.
+    Source: paper 003, (4) to (6), the second (6) with + for its misprinted −; other degrees and knots by blossoms.
     """
     if curvature not in CURVATURES:
         raise InputError(f"`curvature` must be one of {', '.join(CURVATURES)}, got {curvature!r}.")
-    if isinstance(a, AbstractSurface) or isinstance(b, AbstractSurface):
-        return _join_surfaces(a, b, curvature, edges, bridge, tolerance)
-    one, other = _spline(a, "a"), _spline(b, "b")
-    axis = _joined(spline_axis(one), spline_axis(other), curvature, bridge, tolerance)
-    return BSplineCurve(axis.net, axis.knots, axis.degree)
+    if bridge not in (True, False, *BRIDGES):
+        raise InputError(f"`bridge` must be True, False, {' or '.join(map(repr, BRIDGES))}, got {bridge!r}.")
+    if length is not None and not (length > 0 and bridge == "fairest"):
+        raise InputError(f'`length` must be > 0 and is for `bridge="fairest"`, got {length} and {bridge!r}.')
+    if not others and not closed:
+        raise InputError("`join` needs two shapes or more, or `closed=True` to close one.")
+    kind = {True: "shortest", False: None}.get(bridge, bridge)  # type: ignore[call-overload]
+    how = _How(curvature, kind, length, tolerance)
+    shapes, names = (a, *others), ("a", "b", *(f"shape {k + 1}" for k in range(2, len(others) + 1)))
+    if any(isinstance(shape, AbstractSurface) for shape in shapes):
+        return _join_surfaces(shapes, names, edges, closed, how)
+    axes = [spline_axis(_spline(shape, name)) for shape, name in zip(shapes, names, strict=False)]
+    axis = reduce(how.joined, axes)
+    axis = how.closed(axis) if closed else axis
+    return BSplineCurve(axis.net, axis.knots, axis.degree, axis.periodic)
+
+
+@dataclass(frozen=True)
+class _How:
+    """How seams are made."""
+
+    curvature: str
+    bridge: str | None
+    length: float | None
+    tolerance: float | None
+
+    def joined(self, a: SplineAxis, b: SplineAxis) -> SplineAxis:
+        return joined(a, b, self.curvature, self.bridge, self.tolerance, self.length)
+
+    def closed(self, axis: SplineAxis) -> SplineAxis:
+        return closed_axis(axis, self.curvature, self.bridge, self.tolerance, self.length)
 
 
 def _join_surfaces(
-    a: Any, b: Any, curvature: str, edges: tuple[str, str], bridge: bool, tolerance: float | None
+    shapes: tuple[Any, ...], names: tuple[str, ...], edges: tuple[str, str], closed: bool, how: _How
 ) -> BSplineSurface:
-    for name, shape, side in (("a", a, edges[0]), ("b", b, edges[1])):
-        if not isinstance(shape, BSplineSurface):
-            raise InputError(
-                f"`{name}` must be a B-spline surface as the other, got {type(shape).__name__}; see js.to_bspline."
-            )
+    for side in edges:
         if side not in SIDES:
             raise InputError(f"`edges` must be two sides among {', '.join(SIDES)}, got {side!r}.")
-    one, other = _edge_at(a, edges[0], last=True), _edge_at(b, edges[1], last=False)
-    if is_concrete((one, other)) and _runs_back(one, other):
-        warnings.warn(f"{edges[1]} of `b` runs against {edges[0]} of `a`: `b` is turned.", GeometryWarning, stacklevel=3)
-        other = reverse(other, "v")
-    along = same_knots([spline_axis(one, "v"), spline_axis(other, "v")])
-    one, other = (with_axis(shape, axis, "v") for shape, axis in zip((one, other), along, strict=True))
-    axis = _joined(spline_axis(one, "u"), spline_axis(other, "u"), curvature, bridge, tolerance)
-    whole = with_axis(one, axis, "u")
-    whole = reverse(whole, "u") if edges[0][1] == "0" else whole
+    ready = [_spline_surface(shape, name) for shape, name in zip(shapes, names, strict=False)]
+    whole = _edge_at(ready[0], edges[0], last=True)
+    for surface, name in zip(ready[1:], names[1:], strict=False):
+        other = _edge_at(surface, edges[1], last=False)
+        whole, other = _same_way(whole, other, f"{edges[1]} of `{name}` runs against {edges[0]} of what it is joined to")
+        whole = with_axis(whole, how.joined(spline_axis(whole, "u"), spline_axis(other, "u")), "u")
+    if closed:
+        whole = with_axis(whole, how.closed(spline_axis(whole, "u")), "u")
+    if edges[0][1] == "0":
+        whole = reverse(whole, "u")
     return transpose(whole) if edges[0][0] == "v" else whole
+
+
+def _same_way(whole: BSplineSurface, other: BSplineSurface, sentence: str) -> tuple[BSplineSurface, BSplineSurface]:
+    """Both on common knots across, the second turned if it runs against the first."""
+    if _runs_back(whole, other):
+        warnings.warn(f"{sentence}: it is turned.", GeometryWarning, stacklevel=4)
+        other = reverse(other, "v")
+    along = same_knots([spline_axis(whole, "v"), spline_axis(other, "v")])
+    one, two = (with_axis(shape, axis, "v") for shape, axis in zip((whole, other), along, strict=True))
+    return one, two
 
 
 def _edge_at(surface: BSplineSurface, side: str, last: bool) -> BSplineSurface:
@@ -97,17 +155,34 @@ def _edge_at(surface: BSplineSurface, side: str, last: bool) -> BSplineSurface:
 
 
 def _runs_back(a: BSplineSurface, b: BSplineSurface) -> bool:
-    """Whether the first u of `b` runs against the last one of `a`."""
+    """Whether the first u of `b` runs against the last one of `a`; no, where control points are traced."""
+    if not is_concrete((a, b)):
+        return False
     own, other = (points_on(shape, side, np.array([0.0, 1.0])) for shape, side in ((a, "u1"), (b, "u0")))
     return bool(np.sum((own - other[::-1]) ** 2) < np.sum((own - other) ** 2))
 
 
 def _spline(curve: Any, name: str) -> BSplineCurve:
     spline = as_spline(curve) if isinstance(curve, AbstractCurve) else None
+    if spline is None and isinstance(curve, AbstractCurve):
+        spline = to_bspline(curve, _ACCURACY * _extent(curve(jnp.linspace(*curve.domain, 33)))).shape
     if spline is None or spline.periodic:
         what = "a periodic curve" if spline is not None else type(curve).__name__
-        raise InputError(f"`{name}` must be a B-spline curve with two ends, got {what}; js.to_bspline converts curves.")
+        raise InputError(f"`{name}` must be a curve with two ends, got {what}.")
     return spline
+
+
+def _spline_surface(surface: Any, name: str) -> BSplineSurface:
+    if not isinstance(surface, AbstractSurface):
+        raise InputError(f"`{name}` must be a surface as the others, got {type(surface).__name__}.")
+    if isinstance(surface, BSplineSurface):
+        return surface
+    u, v = (jnp.linspace(*along, 9) for along in surface.domain)
+    return to_bspline(surface, _ACCURACY * _extent(surface.grid(u, v))).shape
+
+
+def _extent(points: Float[Array, "*n 3"]) -> float:
+    return float(np.ptp(concrete(points).reshape(-1, 3), axis=0).max())
 
 
 def _vertices(given: Any, name: str, axis: SplineAxis) -> Float[Array, "k 3"] | None:
@@ -118,141 +193,3 @@ def _vertices(given: Any, name: str, axis: SplineAxis) -> Float[Array, "k 3"] | 
     if points.ndim != 2 or points.shape[1:] != axis.net.shape[1:]:
         raise InputError(f"`{name}` must be pseudo-vertices (3,) or (k, 3), got shape {points.shape}.")
     return points
-
-
-def _turned(axis: SplineAxis) -> SplineAxis:
-    return SplineAxis(axis.net[::-1], early(lambda knots: -knots[::-1], axis.knots), axis.degree)
-
-
-def _extended(axis: SplineAxis, points: Float[Array, "k *rest"] | None, natural: bool) -> SplineAxis:
-    """With further vertices at the end, or one without second derivative there."""
-    if points is None and not natural:
-        return axis
-    known, count = _known(axis), 1 if points is None else len(points)
-    body, step = known[: len(known) - axis.degree], _last_step(known, axis.degree)
-    outer = known[len(known) - axis.degree :]
-    if not np.all(np.diff(np.append(body[-1], outer)) > 1e-9 * step):
-        outer = body[-1] + step * np.arange(1, axis.degree + 1)
-    whole = np.concatenate([body, outer, outer[-1] + step * np.arange(1, count + 1)])
-    net = _on(axis, known, np.concatenate([body, outer]))
-    if points is None:
-        row = derivative_row(whole, axis.degree, whole[-axis.degree - 1], min(2, axis.degree))
-        if axis.degree == 1:  # straight on
-            row = np.concatenate([np.zeros(len(net) - 2), [1.0, -2.0, 1.0]])
-        points = -product(jnp.asarray(row[None, :-1] / row[-1], net.dtype), net)
-    return SplineAxis(jnp.concatenate([net, points]), _as_knots(whole, axis), axis.degree)
-
-
-def _joined(a: SplineAxis, b: SplineAxis, curvature: str, bridge: bool, tolerance: float | None) -> SplineAxis:
-    degree = max(a.degree, b.degree, 3)
-    a, b = (_knots.raised(axis, degree, "join") for axis in (a, b))
-    known_a, known_b = _known(a), _known(b)
-    allowed = 1e6 * eps(a.net.dtype) * _size(a.net, b.net) if tolerance is None else tolerance
-    steps = _last_step(known_a, degree), _last_step(-known_b[::-1], degree)
-    if bridge:
-        return _bridged(a, b, known_a, known_b, steps, curvature)
-    order = 1 if curvature == "tangent" else 2
-    made, gap, bend = _merged(a, b, known_a, known_b, steps, degree - order, curvature)
-    _refuse_gap(gap, allowed, curvature, "the last vertex of `a` to be the first of `b`")
-    _refuse_gap(bend, allowed, curvature, "that vertex to be midway between its neighbours")
-    return made
-
-
-def _merged(
-    a: SplineAxis,
-    b: SplineAxis,
-    known_a: np.ndarray,
-    known_b: np.ndarray,
-    steps: tuple[float, float],
-    times: int,
-    curvature: str,
-) -> tuple[SplineAxis, Any, Any]:
-    """One segment more each up to a seam of so many knots; distances of what should be one vertex, and off the midpoint."""
-    degree = a.degree
-    seam = known_a[-degree - 1] + steps[0]
-    whole, net_a, net_b = _laid(a, b, known_a, known_b, np.full(times, seam), steps[1])
-    shared = degree - times - 1
-    middle = 0.5 * (net_a[len(net_a) - shared :] + net_b[:shared])
-    made = jnp.concatenate([net_a[: len(net_a) - shared], middle, net_b[shared:]])
-    bend = None
-    if curvature == "zero":
-        row = derivative_row(whole, degree, seam, 2) * 0.5 * steps[0] * steps[1]
-        bend = product(jnp.asarray(row[None], made.dtype), made)
-    return SplineAxis(made, _as_knots(whole, a), degree), net_a[len(net_a) - shared :] - net_b[:shared], bend
-
-
-def _bridged(
-    a: SplineAxis, b: SplineAxis, known_a: np.ndarray, known_b: np.ndarray, steps: tuple[float, float], curvature: str
-) -> SplineAxis:
-    """Segments between, C^(degree − 1) throughout; without second derivative amid, by one vertex more."""
-    degree = a.degree
-    more = 1 if curvature == "zero" else 0
-    between = known_a[-degree - 1] + np.cumsum(np.linspace(*steps, degree + more))[:-1]
-    whole, net_a, net_b = _laid(a, b, known_a, known_b, between, steps[1])
-    parts = [net_a, net_b]
-    if more:
-        row = derivative_row(whole, degree, between[len(between) // 2], 2)
-        at = len(net_a)
-        known = product(jnp.asarray(row[None, :at], a.net.dtype), net_a) + product(
-            jnp.asarray(row[None, at + 1 :], a.net.dtype), net_b
-        )
-        parts.insert(1, -known / row[at])
-    return SplineAxis(jnp.concatenate(parts), _as_knots(whole, a), degree)
-
-
-def _laid(
-    a: SplineAxis, b: SplineAxis, known_a: np.ndarray, known_b: np.ndarray, between: np.ndarray, last: float
-) -> tuple[np.ndarray, Array, Array]:
-    """The knots of `a`, those between, and those of `b` shifted to begin `last` after these; both nets on them."""
-    degree = a.degree
-    body = known_a[: len(known_a) - degree]
-    start = (between[-1] if len(between) else body[-1]) + last
-    shift = start - known_b[degree]
-    whole = np.concatenate([body, between, known_b[degree:] + shift])
-    net_a = _on(a, known_a, whole[: len(known_a)])
-    lead = whole[len(body) + len(between) - degree : len(body) + len(between)] - shift
-    return whole, net_a, _on(b, known_b, np.concatenate([lead, known_b[degree:]]))
-
-
-def _on(axis: SplineAxis, known: np.ndarray, knots: np.ndarray) -> Array:
-    """The net on knots that differ outside the domain alone; vertices whose knots stay are kept bit for bit."""
-    near = 1e-12 * (known[-1] - known[0])
-    windows = lambda x: np.lib.stride_tricks.sliding_window_view(x[1:-1], axis.degree)
-    same = np.all(np.abs(windows(known) - windows(knots)) <= near, axis=1)
-    if np.all(same):
-        return axis.net
-    changed = _knots.on_knots(axis, _as_knots(knots, axis)).net
-    return jnp.where(jnp.asarray(same).reshape(-1, *[1] * (axis.net.ndim - 1)), axis.net, changed)
-
-
-def _known(axis: SplineAxis) -> np.ndarray:
-    return concrete_knots(axis, "join").astype(np.float64)
-
-
-def _as_knots(values: np.ndarray, axis: SplineAxis) -> Array:
-    return early(lambda: jnp.asarray(values, axis.knots.dtype))
-
-
-def _last_step(knots: np.ndarray, degree: int) -> float:
-    """The length of the last span of the domain."""
-    end = knots[len(knots) - degree - 1]
-    return float(end - knots[knots < end].max())
-
-
-def _size(*nets: Array) -> float:
-    """The largest extent of control points; 1 for traced ones."""
-    if not is_concrete(nets):
-        return 1.0
-    points = np.concatenate([concrete(net).reshape(-1, net.shape[-1]) for net in nets])
-    return float(np.ptp(points, axis=0).max())
-
-
-def _refuse_gap(gap: Any, allowed: float, curvature: str, wanted: str) -> None:
-    if gap is None or not is_concrete(gap) or not gap.size:
-        return
-    distance = float(np.sqrt(np.sum(concrete(gap) ** 2, axis=-1)).max())
-    if distance > allowed:
-        raise InputError(
-            f'`curvature="{curvature}"` needs {wanted}, within {allowed:.2g}, but they are {distance:.6g} apart; take '
-            '`bridge=True` for more segments between, "tangent", or a larger `tolerance`.'
-        )
