@@ -61,27 +61,21 @@ def joined(
         sizes = np.linspace(*steps, degree + free)
         if bridge == "fairest":
             sizes = sizes * ((length or _gap_length(a, b, known_a, known_b) or sizes.sum()) / sizes.sum())
-        return _bridged(a, b, known_a, known_b, sizes, curvature == "zero")
+        return _bridged(a, b, known_a[-degree - 1], sizes, curvature == "zero")
     order = 1 if curvature == "tangent" else 2
-    made, gap, bend = _merged(a, b, known_a, known_b, steps, degree - order, curvature)
+    made, gap, bend = _merged(a, b, known_a[-degree - 1] + steps[0], steps, degree - order, curvature)
     _refuse_gap(gap, allowed, curvature, "the last vertex of `a` to be the first of `b`")
     _refuse_gap(bend, allowed, curvature, "that vertex to be midway between its neighbours")
     return made
 
 
 def _merged(
-    a: SplineAxis,
-    b: SplineAxis,
-    known_a: np.ndarray,
-    known_b: np.ndarray,
-    steps: tuple[float, float],
-    times: int,
-    curvature: str,
+    a: SplineAxis, b: SplineAxis, seam: float, steps: tuple[float, float], times: int, curvature: str
 ) -> tuple[SplineAxis, Any, Any]:
     """One segment more each up to a seam of so many knots; distances of what should be one vertex, and off the midpoint."""
     degree = a.degree
-    seam = known_a[-degree - 1] + steps[0]
-    whole, net_a, net_b = _laid(a, b, known_a, known_b, np.full(times, seam), steps[1])
+    sizes = np.array([steps[0], *[0.0] * (times - 1), steps[1]])
+    whole, (net_a, net_b), _ = chained([a, b], [sizes])
     shared = degree - times - 1
     middle = 0.5 * (net_a[len(net_a) - shared :] + net_b[:shared])
     made = jnp.concatenate([net_a[: len(net_a) - shared], middle, net_b[shared:]])
@@ -92,22 +86,18 @@ def _merged(
     return SplineAxis(made, _as_knots(whole, a), degree), net_a[len(net_a) - shared :] - net_b[:shared], bend
 
 
-def _bridged(
-    a: SplineAxis, b: SplineAxis, known_a: np.ndarray, known_b: np.ndarray, sizes: np.ndarray, zero: bool
-) -> SplineAxis:
+def _bridged(a: SplineAxis, b: SplineAxis, end: float, sizes: np.ndarray, zero: bool) -> SplineAxis:
     """Segments of given sizes between, C^(degree − 1) throughout; each one beyond `degree` of them takes one vertex more.
 
     Those make the integral of the squared third derivative over the bridge least, if `zero` under the condition that the
     second derivative amid vanishes.
     """
     degree, free = a.degree, len(sizes) - a.degree
-    edges = known_a[-degree - 1] + np.append(0, np.cumsum(sizes))
-    between = edges[1:-1]
-    whole, net_a, net_b = _laid(a, b, known_a, known_b, between, sizes[-1])
-    parts = [net_a, net_b]
+    edges = end + np.append(0, np.cumsum(sizes))
+    whole, parts, _ = chained([a, b], [sizes])
     if free:
-        middle = derivative_row(whole, degree, between[len(between) // 2], 2)[None]
-        matrix = _least_bent(whole, degree, edges, len(net_a), free, middle if zero else middle[:0])
+        middle = derivative_row(whole, degree, edges[(len(edges) - 1) // 2], 2)[None]
+        matrix = _least_bent(whole, degree, edges, len(parts[0]), free, middle if zero else middle[:0])
         known = jnp.concatenate(parts)
         parts.insert(1, product(jnp.asarray(matrix, known.dtype), known))
     return SplineAxis(jnp.concatenate(parts), _as_knots(whole, a), degree)
@@ -159,18 +149,26 @@ def closed(
     return SplineAxis(net, early(lambda: twice.knots[degree : degree + period + 1]), degree, periodic=True)
 
 
-def _laid(
-    a: SplineAxis, b: SplineAxis, known_a: np.ndarray, known_b: np.ndarray, between: np.ndarray, last: float
-) -> tuple[np.ndarray, Array, Array]:
-    """The knots of `a`, those between, and those of `b` shifted to begin `last` after these; both nets on them."""
-    degree = a.degree
-    body = known_a[: len(known_a) - degree]
-    start = (between[-1] if len(between) else body[-1]) + last
-    shift = start - known_b[degree]
-    whole = np.concatenate([body, between, known_b[degree:] + shift])
-    net_a = _on(a, known_a, whole[: len(known_a)])
-    lead = whole[len(body) + len(between) - degree : len(body) + len(between)] - shift
-    return whole, net_a, _on(b, known_b, np.concatenate([lead, known_b[degree:]]))
+def chained(axes: list[SplineAxis], sizes: list[np.ndarray]) -> tuple[np.ndarray, list[Array], list[int]]:
+    """Axes of one degree one after the other, with segments of given sizes between each two.
+
+    Returns the knots, those of the first axis kept and all others shifted, the nets on them, and the number that the first
+    control point of each net has among those of all.
+    """
+    degree, known = axes[0].degree, [_known(axis) for axis in axes]
+    whole, shifts, firsts = known[0][: len(known[0]) - degree], [0.0], [0]
+    for knots, between in zip(known[1:], sizes, strict=True):
+        edges = whole[-1] + np.cumsum(between)
+        shifts.append(edges[-1] - knots[degree])
+        firsts.append(len(whole) + len(between) - 1 - degree)
+        whole = np.concatenate([whole, edges[:-1], knots[degree : len(knots) - degree] + shifts[-1]])
+    whole = np.concatenate([whole, known[-1][len(known[-1]) - degree :] + shifts[-1]])
+    nets = []
+    for axis, knots, shift, first in zip(axes, known, shifts, firsts, strict=True):
+        around = whole[first : first + len(knots)] - shift
+        around[degree : len(knots) - degree] = knots[degree : len(knots) - degree]
+        nets.append(_on(axis, knots, around))
+    return whole, nets, firsts
 
 
 def _on(axis: SplineAxis, known: np.ndarray, knots: np.ndarray) -> Array:
