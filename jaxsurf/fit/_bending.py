@@ -26,7 +26,7 @@ def bending_matrix(shape: Any, sides: tuple[Any, Any]) -> Float[Array, "q q"] | 
 
 @bending_matrix.register
 def _(shape: BSplineSurface, sides: tuple[Any, Any]) -> Float[Array, "q q"] | None:
-    u, v = _grams(shape.basis_u), _grams(shape.basis_v)
+    u, v = gram_matrices(shape.basis_u), gram_matrices(shape.basis_v)
     (a, b), (c, d) = shape.domain
     # lengths per parameter: s = along_u · u
     along_u, along_v = sides[0] / (b - a), sides[1] / (d - c)
@@ -49,7 +49,7 @@ def _compiled(shape: Any, sides: tuple[Array, Array]) -> Float[Array, "q q"] | N
     return bending_matrix(shape, sides)
 
 
-def _grams(basis: BSplineBasis) -> list[Float[Array, "n n"]]:
+def gram_matrices(basis: BSplineBasis) -> list[Float[Array, "n n"]]:
     """∫ B_i^(k) B_j^(k) over the domain for k = 0, 1, 2, exact by Gauss-Legendre nodes in every span."""
     nodes, weights = span_nodes(basis, basis.degree + 1)
     index, values = jax.vmap(lambda t: basis_derivatives(basis, t, 2))(nodes)

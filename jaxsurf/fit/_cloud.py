@@ -141,7 +141,7 @@ def linear_start(
     along_u: Any = BSpline.design_matrix(feet[:, 0], knots[0], degree)
     along_v: Any = BSpline.design_matrix(feet[:, 1], knots[1], degree)
     count = along_u.shape[1], along_v.shape[1]
-    design = _row_products(along_u, along_v)
+    design = row_products(along_u, along_v)
     flat = BSplineSurface(jnp.asarray(np.zeros((*count, 3)), points.dtype), knots_u, knots_v, degree, degree)
     bending = np.asarray(bending_of(flat, sides), np.float64)
     weight = faint_bending(max(count), attenuation)
@@ -151,7 +151,7 @@ def linear_start(
     return BSplineSurface(jnp.asarray(net.reshape(*count, 3), points.dtype), knots_u, knots_v, degree, degree)
 
 
-def _row_products(a: Any, b: Any) -> Any:
+def row_products(a: Any, b: Any) -> Any:
     """The sparse matrix whose rows are the Kronecker products of the rows of two with equally many entries in each."""
     from scipy.sparse import csr_matrix
 

@@ -1,0 +1,202 @@
+"""A grid of B-spline patches as one surface: bridges between them, fitted to points."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from .._progress import Event, Progress
+from ..build._join_axes import chained
+from ..build._same_knots import same_knots
+from ..edit._spline_axis import SplineAxis, spline_axis, with_axis
+from ..query import closest_point
+from ..surface import BSplineSurface
+from ._bending import gram_matrices
+from ._cloud import row_products
+from ._fit import faint_bending, side_lengths
+
+_ATTENUATION = 0.1  # share of the shortest ripple of the net that the background bending takes away, as in `fit_cloud`
+_SLIDING = 0.1  # keeps the isolines of the bridges even
+_STEPS = 8
+_STILL = 1e-6  # of the size: vertices that move less have arrived
+
+Grid = list[list[BSplineSurface]]
+"""Patches by column, along u, and row, along v."""
+
+Bands = tuple[list[tuple[float, float]], list[tuple[float, float]]]
+"""First and last parameters of the patches, by column and by row; the bridges lie between."""
+
+
+def patchwork(patches: Grid, gaps: tuple[list[float], list[float]]) -> tuple[BSplineSurface, Bool[np.ndarray, "n m"], Bands]:
+    """One surface C^(degree − 1) throughout that has all patches in it as they are, and which of its control points no patch
+    determines.
+
+    gaps: lengths of the bridges between columns and between rows. Patches of a column get one domain in u, as long as they
+    are on average, and all knots of all of them; those of a row likewise in v.
+    """
+    columns, rows = len(patches), len(patches[0])
+    sides = np.array([[[float(x) for x in side_lengths(patch)] for patch in column] for column in patches])
+    patches = [_alike(column, "u", float(sides[c, :, 0].mean())) for c, column in enumerate(patches)]
+    lines = [_alike([column[r] for column in patches], "v", float(sides[:, r, 1].mean())) for r in range(rows)]
+    degree = max(lines[0][0].degree_u, lines[0][0].degree_v)
+    sizes_u = [_sizes(gap, [lines[0][c], lines[0][c + 1]], "u", degree) for c, gap in enumerate(gaps[0])]
+    sizes_v = [_sizes(gap, [lines[r][0], lines[r + 1][0]], "v", degree) for r, gap in enumerate(gaps[1])]
+    across = [chained([spline_axis(patch, "u") for patch in line], sizes_u) for line in lines]
+    knots_u, _, firsts_u = across[0]
+    along = []
+    for c in range(columns):
+        swapped = [jnp.swapaxes(across[r][1][c], 0, 1) for r in range(rows)]
+        axes = [SplineAxis(net, lines[r][c].knots_v, degree) for r, net in enumerate(swapped)]
+        along.append(chained(axes, sizes_v))
+    knots_v, _, firsts_v = along[0]
+    net = np.zeros((len(knots_u) - degree - 1, len(knots_v) - degree - 1, 3))
+    free = np.ones(net.shape[:2], bool)
+    for c, u in enumerate(firsts_u):
+        for r, v in enumerate(firsts_v):
+            own = np.swapaxes(np.asarray(along[c][1][r]), 0, 1)
+            net[u : u + own.shape[0], v : v + own.shape[1]] = own
+            free[u : u + own.shape[0], v : v + own.shape[1]] = False
+    counts_u = [across[0][1][c].shape[0] for c in range(columns)]
+    counts_v = [along[0][1][r].shape[0] for r in range(rows)]
+    bands = (_bands(knots_u, firsts_u, counts_u, degree), _bands(knots_v, firsts_v, counts_v, degree))
+    dtype = patches[0][0].dtype
+    surface = BSplineSurface(*(jnp.asarray(x, dtype) for x in (net, knots_u, knots_v)), degree, degree)
+    return surface, free, bands
+
+
+def fitted_bridges(
+    surface: BSplineSurface, free: Bool[np.ndarray, "n m"], points: Float[np.ndarray, "N 3"], progress: Progress
+) -> BSplineSurface:
+    """The free control points such that the bridges bend least, and then follow the points; all others stay bit for bit.
+
+    Gauss-Newton on signed distances, the feet found anew in each step, with the background bending of `fit_cloud` counted
+    from the bridges that bend least.
+    """
+    if not free.any():
+        return surface
+    own = np.flatnonzero(free.reshape(-1))
+    sides = [float(x) for x in side_lengths(surface)]
+    bending = _bending(surface, (sides[0], sides[1]))
+    net = np.asarray(surface.control_points, np.float64).reshape(-1, 3).copy()
+    at_rest = np.delete(np.arange(len(net)), own)
+    within = bending[own][:, own]
+    net[own] = _solve(within, -(bending[own][:, at_rest] @ net[at_rest]))
+    surface, rest, feet = _with_net(surface, net), net.copy(), None
+    weight = faint_bending(max(surface.control_points.shape[:2]), _ATTENUATION)
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    for step in range(_STEPS):
+        found = closest_point(surface, points, start=feet)
+        feet = np.asarray(found.parameters)
+        rows = _design(surface, feet)[:, own]
+        seen = np.flatnonzero(np.diff(rows.indptr))
+        if progress(Event("bridge", step, _STEPS, float(np.sqrt(np.mean(np.square(found.distance)))))) or not len(seen):
+            break
+        change = _step(
+            rows[seen], _unit_normals(surface, feet[seen]), found, seen, points, within, net[own] - rest[own], weight
+        )
+        net[own] += change
+        surface = _with_net(surface, net)
+        if np.abs(change).max() < _STILL * size:
+            break
+    return surface
+
+
+def _step(
+    rows: Any,
+    normals: np.ndarray,
+    found: Any,
+    seen: np.ndarray,
+    points: np.ndarray,
+    within: Any,
+    bent: np.ndarray,
+    weight: float,
+) -> np.ndarray:
+    """The change of the free control points, (free, 3)."""
+    from scipy.sparse import diags, hstack, kron
+
+    offsets = points[seen] - np.asarray(found.points)[seen]
+    heights = np.sum(offsets * normals, axis=1)
+    across = hstack([diags(normals[:, k]) @ rows for k in range(3)]).tocsr()
+    stiff = within * weight * len(seen)
+    system = across.T @ across + kron(np.eye(3), stiff + _SLIDING * (rows.T @ rows))
+    right = across.T @ heights - (stiff @ bent).T.reshape(-1)
+    return _solve(system, right).reshape(3, -1).T
+
+
+def _solve(matrix: Any, right: np.ndarray) -> np.ndarray:
+    """A sparse positive (semi)definite system; what nothing determines stays small."""
+    from scipy.sparse import identity
+    from scipy.sparse.linalg import splu
+
+    scale = matrix.diagonal().mean()
+    return splu((matrix + 1e-12 * scale * identity(matrix.shape[0])).tocsc()).solve(right)
+
+
+def _bending(surface: BSplineSurface, sides: tuple[float, float]) -> Any:
+    """The matrix of `bending_matrix`, sparse."""
+    from scipy.sparse import csr_matrix, kron
+
+    u, v = ([csr_matrix(np.asarray(m)) for m in gram_matrices(basis)] for basis in (surface.basis_u, surface.basis_v))
+    (a, b), (c, d) = ((float(x) for x in along) for along in surface.domain)
+    by_u, by_v = sides[0] / (b - a), sides[1] / (d - c)
+    parts = ((u[2], v[0], by_v / by_u**3), (u[1], v[1], 2 / (by_u * by_v)), (u[0], v[2], by_u / by_v**3))
+    return sides[0] * sides[1] * sum(weight * kron(one, other) for one, other, weight in parts).tocsr()
+
+
+def _design(surface: BSplineSurface, feet: Float[np.ndarray, "N 2"]) -> Any:
+    from scipy.interpolate import BSpline
+
+    knots = [np.asarray(k, np.float64) for k in (surface.knots_u, surface.knots_v)]
+    degrees = surface.degree_u, surface.degree_v
+    inside = [np.clip(feet[:, i], k[p], k[-p - 1]) for i, (k, p) in enumerate(zip(knots, degrees, strict=True))]
+    along_u, along_v = (BSpline.design_matrix(t, k, p) for t, k, p in zip(inside, knots, degrees, strict=True))
+    return row_products(along_u, along_v)
+
+
+def _unit_normals(surface: BSplineSurface, feet: Float[np.ndarray, "N 2"]) -> Float[np.ndarray, "N 3"]:
+    u, v = (jnp.asarray(feet[:, i]) for i in (0, 1))
+    cross = np.cross(surface.derivative(u, v, (1, 0)), surface.derivative(u, v, (0, 1)))
+    return cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(float).tiny)
+
+
+def _with_net(surface: BSplineSurface, net: np.ndarray) -> BSplineSurface:
+    points = jnp.asarray(net.reshape(surface.control_points.shape), surface.dtype)
+    return BSplineSurface(points, surface.knots_u, surface.knots_v, surface.degree_u, surface.degree_v)
+
+
+def _alike(line: list[BSplineSurface], direction: str, length: float) -> list[BSplineSurface]:
+    """Patches side by side on common knots over [0, length] in one direction."""
+    axes = same_knots([spline_axis(patch, direction) for patch in line], (0.0, length))
+    return [with_axis(patch, axis, direction) for patch, axis in zip(line, axes, strict=True)]
+
+
+def _sizes(gap: float, pair: list[BSplineSurface], direction: str, degree: int) -> np.ndarray:
+    """Spans of a bridge: as long as those of its neighbours, but more than the degree, so that there are free vertices."""
+    spans = np.concatenate([np.diff(np.unique(np.asarray(spline_axis(patch, direction).knots))) for patch in pair])
+    count = degree + max(1, round(gap / float(np.median(spans))))
+    return np.full(count, gap / count)
+
+
+def _bands(knots: np.ndarray, firsts: list[int], counts: list[int], degree: int) -> list[tuple[float, float]]:
+    return [(float(knots[k + degree]), float(knots[k + n])) for k, n in zip(firsts, counts, strict=True)]
+
+
+def jumps(surface: BSplineSurface, at: float, direction: str, count: int = 65) -> tuple[float, float, float]:
+    """Largest jumps of the point and of first and second derivatives by arc length across an isoline, against the size.
+
+    By the polynomials on both sides of the knot, from parts that are cut there.
+    """
+    from ..edit import split
+
+    parts = split(surface, at, direction)
+    axis = "uv".index(direction)
+    other = np.linspace(*(float(x) for x in surface.domain[1 - axis]), count)
+    size = float(np.linalg.norm(np.ptp(np.asarray(surface.control_points).reshape(-1, 3), axis=0)))
+    order = lambda k: (k, 0) if axis == 0 else (0, k)
+    place = (np.full(count, at), other) if axis == 0 else (other, np.full(count, at))
+    sides = [[np.asarray(part.derivative(*place, order(k))) for k in range(3)] for part in parts]
+    speed = np.linalg.norm(sides[0][1], axis=1).mean()
+    scales = (1 / size, 1 / speed, size / speed**2)
+    found = [np.linalg.norm(a - b, axis=1).max() * s for a, b, s in zip(*sides, scales, strict=True)]
+    return float(found[0]), float(found[1]), float(found[2])
