@@ -104,13 +104,17 @@ from .edit import (
     unrolled as unrolled,
 )
 from .fit import (
+    Alignment as Alignment,
     CloudFit as CloudFit,
     Deviation as Deviation,
     Fit as Fit,
+    JoinedRanges as JoinedRanges,
+    align as align,
     fit as fit,
     fit_cloud as fit_cloud,
     fit_qi as fit_qi,
     fit_sweep as fit_sweep,
+    join_ranges as join_ranges,
     parametrise as parametrise,
     qi_plane as qi_plane,
     trim_to_cloud as trim_to_cloud,

@@ -1,3 +1,4 @@
+from ._align import Alignment as Alignment, align as align
 from ._cloud import CloudFit as CloudFit, Stage as Stage, fit_cloud as fit_cloud
 from ._coverage import Coverage as Coverage, coverage as coverage
 from ._deviation import Deviation as Deviation
@@ -10,6 +11,7 @@ from ._quaternion_cloud import (
     peer_fit as peer_fit,
     qi_plane as qi_plane,
 )
+from ._ranges import JoinedRanges as JoinedRanges, Range as Range, Seam as Seam, join_ranges as join_ranges
 from ._sweep_cloud import (
     KINDS as KINDS,
     SweepFit as SweepFit,

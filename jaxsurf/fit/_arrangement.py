@@ -22,8 +22,8 @@ Place = tuple[int, int]
 
 
 class Meeting(NamedTuple):
-    """Two surfaces that meet, by their numbers, their sides there as they were given, and the share of the first one's length
-    that they overlap by."""
+    """Two surfaces that meet: their numbers, their sides there as they were given, and the share of the first one's
+    length by which they overlap."""
 
     first: int
     second: int
@@ -32,8 +32,8 @@ class Meeting(NamedTuple):
 
 
 class Arrangement(NamedTuple):
-    """Surfaces turned so that u runs along the columns of a grid and v along its rows, by place; their numbers, by place; and
-    which of them meet."""
+    """Surfaces turned so that u runs from column to column of a grid and v from row to row, by place; their numbers, by
+    place; and which of them meet."""
 
     surfaces: dict[Place, BSplineSurface]
     numbers: dict[Place, int]
@@ -69,8 +69,8 @@ def arranged(surfaces: list[BSplineSurface], reach: float) -> Arrangement:
         own = (place[0] - origin[0], place[1] - origin[1])
         if own in at:
             raise InputError(
-                f"Ranges {at[own] + 1} and {number + 1} lie in the same place of the grid (column {own[0] + 1}, row {own[1] + 1}); "
-                "leave one of them out, or join their points first."
+                f"Ranges {at[own] + 1} and {number + 1} lie in the same place of the grid, column {own[0] + 1} of row "
+                f"{own[1] + 1}; leave one of them out, or join their points first."
             )
         at[own] = number
     found = Arrangement({place: turned[number] for place, number in at.items()}, at, meetings)
@@ -103,8 +103,8 @@ def cut_apart(found: Arrangement, reach: float) -> tuple[list[list[BSplineSurfac
     for place, both in ends.items():
         if min(last - first for first, last in both) < _LEFT:
             raise InputError(
-                f"Range {found.numbers[place] + 1} lies almost wholly within its neighbours: cuts at isolines would leave less "
-                f"than {_LEFT:.0%} of it; leave it out."
+                f"Range {found.numbers[place] + 1} lies almost wholly within its neighbours: cuts at isolines would leave "
+                f"less than {_LEFT:.0%} of it; leave it out."
             )
     cut = [[_part(found.surfaces[c, r], ends[c, r]) for r in range(rows)] for c in range(columns)]
     gaps_u = [float(np.mean([_gap(cut[c][r], cut[c + 1][r], 0) for r in range(rows)])) for c in range(columns - 1)]
@@ -118,17 +118,18 @@ def side_points(surface: BSplineSurface, side: str) -> Float[np.ndarray, "n 3"]:
 
 
 def _meeting(one: BSplineSurface, other: BSplineSurface, reach: float) -> tuple[str, str] | None:
-    """The sides where two surfaces meet, if half of each lies within reach of the other, unless their opposite ones do so too."""
+    """The sides where two surfaces meet: half of each lies within reach of the other one, and less of the opposite sides."""
     sides = (_side_towards(one, other, reach), _side_towards(other, one, reach))
     return None if sides[0] is None or sides[1] is None else (sides[0], sides[1])
 
 
 def _side_towards(one: BSplineSurface, other: BSplineSurface, reach: float) -> str | None:
+    """The side of `one` that lies within reach of `other`."""
     points = np.concatenate([side_points(one, side) for side in SIDES])
     near = np.abs(np.asarray(closest_point(other, points).distance)) <= reach
-    shares = dict(zip(SIDES, near.reshape(len(SIDES), -1).mean(axis=1), strict=True))
+    shares: dict[str, float] = dict(zip(SIDES, near.reshape(len(SIDES), -1).mean(axis=1), strict=True))
     able = [side for side in SIDES if shares[side] >= 0.5 > shares[_opposite(side)]]
-    return max(able, key=lambda side: shares[side], default=None)
+    return max(able, key=shares.__getitem__, default=None)
 
 
 def _opposite(side: str) -> str:
@@ -165,8 +166,9 @@ def _refuse_apart(surfaces: list[BSplineSurface], placed: set[int], reach: float
                 if k != number
             ]
             raise InputError(
-                f"Range {number + 1} touches no other: no side of it lies within {reach:.4g} of another range along half of its "
-                f"length, and its nearest point is {min(distances):.4g} away; measure the part between, or take a larger `reach`."
+                f"Range {number + 1} touches no other: no side of it lies within {reach:.4g} of another range along half of "
+                f"its length, and its nearest point is {min(distances):.4g} away; measure the part between, or take a "
+                "larger `reach`."
             )
 
 

@@ -4,11 +4,12 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 from .._progress import Event, Progress
 from ..build._join_axes import chained
 from ..build._same_knots import same_knots
+from ..edit import split
 from ..edit._spline_axis import SplineAxis, spline_axis, with_axis
 from ..query import closest_point
 from ..surface import BSplineSurface
@@ -61,7 +62,8 @@ def patchwork(patches: Grid, gaps: tuple[list[float], list[float]]) -> tuple[BSp
     counts_v = [along[0][1][r].shape[0] for r in range(rows)]
     bands = (_bands(knots_u, firsts_u, counts_u, degree), _bands(knots_v, firsts_v, counts_v, degree))
     dtype = patches[0][0].dtype
-    surface = BSplineSurface(*(jnp.asarray(x, dtype) for x in (net, knots_u, knots_v)), degree, degree)
+    made = [jnp.asarray(x, dtype) for x in (net, knots_u, knots_v)]
+    surface = BSplineSurface(made[0], made[1], made[2], degree, degree)
     return surface, free, bands
 
 
@@ -92,9 +94,8 @@ def fitted_bridges(
         seen = np.flatnonzero(np.diff(rows.indptr))
         if progress(Event("bridge", step, _STEPS, float(np.sqrt(np.mean(np.square(found.distance)))))) or not len(seen):
             break
-        change = _step(
-            rows[seen], _unit_normals(surface, feet[seen]), found, seen, points, within, net[own] - rest[own], weight
-        )
+        offsets = points[seen] - np.asarray(found.points)[seen]
+        change = _step(rows[seen], offsets, _unit_normals(surface, feet[seen]), weight * within, net[own] - rest[own])
         net[own] += change
         surface = _with_net(surface, net)
         if np.abs(change).max() < _STILL * size:
@@ -102,25 +103,14 @@ def fitted_bridges(
     return surface
 
 
-def _step(
-    rows: Any,
-    normals: np.ndarray,
-    found: Any,
-    seen: np.ndarray,
-    points: np.ndarray,
-    within: Any,
-    bent: np.ndarray,
-    weight: float,
-) -> np.ndarray:
-    """The change of the free control points, (free, 3)."""
+def _step(rows: Any, offsets: np.ndarray, normals: np.ndarray, bending: Any, bent: np.ndarray) -> np.ndarray:
+    """The change of the free control points, (free, 3), that takes up the heights of points over their feet."""
     from scipy.sparse import diags, hstack, kron
 
-    offsets = points[seen] - np.asarray(found.points)[seen]
-    heights = np.sum(offsets * normals, axis=1)
     across = hstack([diags(normals[:, k]) @ rows for k in range(3)]).tocsr()
-    stiff = within * weight * len(seen)
+    stiff = bending * len(offsets)
     system = across.T @ across + kron(np.eye(3), stiff + _SLIDING * (rows.T @ rows))
-    right = across.T @ heights - (stiff @ bent).T.reshape(-1)
+    right = across.T @ np.sum(offsets * normals, axis=1) - (stiff @ bent).T.reshape(-1)
     return _solve(system, right).reshape(3, -1).T
 
 
@@ -141,7 +131,8 @@ def _bending(surface: BSplineSurface, sides: tuple[float, float]) -> Any:
     (a, b), (c, d) = ((float(x) for x in along) for along in surface.domain)
     by_u, by_v = sides[0] / (b - a), sides[1] / (d - c)
     parts = ((u[2], v[0], by_v / by_u**3), (u[1], v[1], 2 / (by_u * by_v)), (u[0], v[2], by_u / by_v**3))
-    return sides[0] * sides[1] * sum(weight * kron(one, other) for one, other, weight in parts).tocsr()
+    total: Any = sum(weight * kron(one, other) for one, other, weight in parts)
+    return (sides[0] * sides[1] * total).tocsr()
 
 
 def _design(surface: BSplineSurface, feet: Float[np.ndarray, "N 2"]) -> Any:
@@ -187,11 +178,10 @@ def jumps(surface: BSplineSurface, at: float, direction: str, count: int = 65) -
 
     By the polynomials on both sides of the knot, from parts that are cut there.
     """
-    from ..edit import split
-
     parts = split(surface, at, direction)
     axis = "uv".index(direction)
-    other = np.linspace(*(float(x) for x in surface.domain[1 - axis]), count)
+    first, last = (float(x) for x in surface.domain[1 - axis])
+    other = np.linspace(first, last, count)
     size = float(np.linalg.norm(np.ptp(np.asarray(surface.control_points).reshape(-1, 3), axis=0)))
     order = lambda k: (k, 0) if axis == 0 else (0, k)
     place = (np.full(count, at), other) if axis == 0 else (other, np.full(count, at))

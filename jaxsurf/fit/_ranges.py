@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -13,11 +14,12 @@ from .._errors import GeometryWarning, InputError
 from .._progress import Event, Progress, silent
 from ..query import Foot, closest_point
 from ..surface import BSplineSurface
+from ._align import Alignment, align as fitted_to
 from ._arrangement import Meeting, arranged, cut_apart
 from ._cloud import CloudFit, fit_cloud
 from ._deviation import Deviation
+from ._fit import side_lengths
 from ._patchwork import Bands, fitted_bridges, jumps, patchwork
-from ._register import Registration, register
 
 _SPACINGS = 3.0  # reach, in spacings of the points
 _ALIGN = 0.02  # of the size: how far apart ranges may be before they are aligned
@@ -33,7 +35,7 @@ class Range(eqx.Module):
 
     fit: CloudFit
     place: tuple[int, int] = eqx.field(static=True)
-    pose: Registration | None
+    pose: Alignment | None
     deviation: Deviation
     cell: tuple[tuple[float, float], tuple[float, float]] = eqx.field(static=True)
 
@@ -104,7 +106,7 @@ def join_ranges(
             raise InputError("`join_ranges` was stopped before every range was fitted; nothing is joined.")
     surfaces = [fit.shape for fit in fits]
     near = max(_spacing(surfaces, points) * _SPACINGS, 3 * max(float(fit.deviation.rms) for fit in fits))
-    poses: list[Registration | None] = [None] * len(points)
+    poses: list[Alignment | None] = [None] * len(points)
     if align:
         wide = max(near, _ALIGN * _size(points)) if reach is None else reach
         poses = _aligned(surfaces, points, wide)
@@ -118,7 +120,7 @@ def join_ranges(
     _warn_of_folds(surface)
     foot = closest_point(surface, np.concatenate(points))
     ends = np.cumsum([len(cloud) for cloud in points])[:-1]
-    parts = np.split(np.asarray(foot.distance), ends)
+    parts = jnp.split(foot.distance, ends)
     places = {number: place for place, number in found.numbers.items()}
     ranges = [
         Range(fit, places[k], poses[k], Deviation(parts[k]), (bands[0][places[k][0]], bands[1][places[k][1]]))
@@ -138,11 +140,9 @@ class _Named:
         return self.progress(event._replace(phase=self.name + event.phase))
 
 
-def _aligned(
-    surfaces: list[BSplineSurface], points: list[Float[np.ndarray, "n 3"]], reach: float
-) -> list[Registration | None]:
+def _aligned(surfaces: list[BSplineSurface], points: list[Float[np.ndarray, "n 3"]], reach: float) -> list[Alignment | None]:
     """Each range on that one, of those already placed, with which it shares most points; the first stays."""
-    poses: list[Registration | None] = [None] * len(points)
+    poses: list[Alignment | None] = [None] * len(points)
     placed, left = {0: surfaces[0]}, set(range(1, len(points)))
     while left:
         shared = {(k, j): _shared(points[k], placed[j], reach) for k in left for j in placed}
@@ -150,10 +150,10 @@ def _aligned(
         chosen = shared[k, j]
         if chosen.sum() < 6:
             raise InputError(
-                f"Range {k + 1} shares no points with another one within {reach:.4g}: `align` needs an overlap; measure one, "
-                "take a larger `reach`, or leave `align` out."
+                f"Range {k + 1} shares no points with another one within {reach:.4g}, and `align` needs an overlap; "
+                "measure one, take a larger `reach`, or leave `align` out."
             )
-        pose = register(points[k][chosen], placed[j])
+        pose = fitted_to(points[k][chosen], placed[j])
         poses[k], placed[k] = pose, pose(surfaces[k])
         left.remove(k)
     return poses
@@ -196,8 +196,8 @@ def _warn_of_folds(surface: BSplineSurface) -> None:
         if bad.any():
             i, j = np.argwhere(bad)[0]
             warnings.warn(
-                f"The joined surface folds near u = {u[i]:.4g}, v = {v[j]:.4g} (along {'uv'[axis]}): the ranges overlap by too "
-                "little there for their outlines; overlap them by more, or fit with fewer spans.",
+                f"The joined surface folds near u = {u[i]:.4g}, v = {v[j]:.4g} along {'uv'[axis]}: the ranges overlap "
+                "by too little there for their outlines; overlap them by more, or fit them with fewer spans.",
                 GeometryWarning,
                 stacklevel=3,
             )
@@ -206,8 +206,6 @@ def _warn_of_folds(surface: BSplineSurface) -> None:
 
 def _spacing(surfaces: list[BSplineSurface], points: list[np.ndarray]) -> float:
     """The largest mean spacing of points in a range: the root of area by point."""
-    from ._fit import side_lengths
-
     areas = [float(np.prod([float(x) for x in side_lengths(surface)])) for surface in surfaces]
     return max((area / len(cloud)) ** 0.5 for area, cloud in zip(areas, points, strict=True))
 

@@ -20,7 +20,7 @@ from ._deviation import Deviation
 _STEPS = 50
 
 
-class Registration(eqx.Module):
+class Alignment(eqx.Module):
     """How a cloud is moved: p ↦ matrix · p + offset.
 
     matrix: (3, 3), a rotation, times the scale if that was free; offset: (3,); foot, deviation: of the moved points; before:
@@ -54,9 +54,9 @@ class Registration(eqx.Module):
         return jnp.einsum("ij,...j->...i", self.matrix, points, precision="highest") + self.offset
 
 
-def register(
+def align(
     points: Numbers, shape: AbstractCurve | AbstractSurface, *, weights: Numbers | None = None, scale: bool = False
-) -> Registration:
+) -> Alignment:
     """Turn and shift points (N, 3) so that the sum of their squared distances to a shape is least.
 
     weights: (N,) ≥ 0; points that do not belong to the shape get 0. scale: whether the cloud may grow too. Starts from where
@@ -74,11 +74,11 @@ def register(
     if weights.shape != points.shape[:1]:
         raise InputError(f"`weights` must have shape ({points.shape[0]},), one for each point, got {weights.shape}.")
     first = closest_point(shape, points)
-    return _registered(shape, points, weights, first, scale)
+    return _aligned(shape, points, weights, first, scale)
 
 
 @eqx.filter_jit
-def _registered(shape: Any, points: Array, weights: Array, first: Foot, scale: bool) -> Registration:
+def _aligned(shape: Any, points: Array, weights: Array, first: Foot, scale: bool) -> Alignment:
     centre = jnp.mean(points, axis=0)
     size = jnp.sqrt(jnp.mean(jnp.sum((points - centre) ** 2, axis=1)))
 
@@ -103,4 +103,4 @@ def _registered(shape: Any, points: Array, weights: Array, first: Foot, scale: b
     foot = closest_point(shape, moved(found.value, points, centre, size), start=first.parameters)
     matrix, offset = moves(found.value, centre, size)
     done = found.result == optx.RESULTS.successful
-    return Registration(matrix, offset, foot, Deviation(foot.distance), Deviation(first.distance), done)
+    return Alignment(matrix, offset, foot, Deviation(foot.distance), Deviation(first.distance), done)
