@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from .._errors import InputError
+from . import _output as output
 from ._cache import keep_compilations
 
 _FAILED = 2
-_INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -24,7 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _FAILED
     except KeyboardInterrupt:
         print("\njaxsurf: interrupted before there was a surface; nothing was written.", file=sys.stderr)
-        return _INTERRUPTED
+        return output.INTERRUPTED
 
 
 class _Parser(argparse.ArgumentParser):
@@ -44,6 +44,9 @@ def _parser() -> argparse.ArgumentParser:
     from ._sweep import DESCRIPTION, add_sweep
 
     add_sweep(commands.add_parser("sweep", help="make a surface from guides and characters", description=DESCRIPTION))
+    from ._join import DESCRIPTION as JOIN, add_join
+
+    add_join(commands.add_parser("join", help="join measuring ranges, each fitted alone, to one surface", description=JOIN))
     from ._audit import DESCRIPTION as AUDIT, add_audit
 
     add_audit(commands.add_parser("audit", help="measure how closely the faces of a model meet", description=AUDIT))
@@ -89,13 +92,13 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--tangents",
-        type=_pair,
+        type=output.pair,
         metavar="NxM",
         help="control tangents of --family qi, u along the longer side (default 3x3)",
     )
     parser.add_argument(
         "--spans",
-        type=_pair,
+        type=output.pair,
         metavar="UxV",
         help="knot spans of the net, u along the longer side (default 8x8)",
     )
@@ -133,16 +136,7 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=_fit)
 
 
-def _pair(text: str) -> tuple[int, int]:
-    parts = text.lower().split("x")
-    if len(parts) != 2 or not all(part.isdigit() and int(part) > 0 for part in parts):
-        raise argparse.ArgumentTypeError(f"expected two whole numbers such as 8x8, got {text!r}")
-    return int(parts[0]), int(parts[1])
-
-
 def _fit(options: argparse.Namespace) -> int:
-    from . import _output as output
-
     begun = time.perf_counter()
     output.check_targets(options)
     import jax
@@ -161,7 +155,7 @@ def _fit(options: argparse.Namespace) -> int:
         print("\n".join(output.summary_lines(options, found, output.timed(rows, begun), written)))
     if found.stopped:
         print("jaxsurf: stopped on request; what was written is the best surface so far.", file=sys.stderr)
-        return _INTERRUPTED
+        return output.INTERRUPTED
     return 0
 
 

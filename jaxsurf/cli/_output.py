@@ -13,6 +13,15 @@ from .._errors import InputError, import_optional
 _CAD = (".step", ".stp", ".iges", ".igs", ".3dm")
 _MESH = (".stl", ".obj", ".ply", ".glb")
 _NATIVE = (".jxs",)
+INTERRUPTED = 130
+
+
+def pair(text: str) -> tuple[int, int]:
+    """Two whole numbers above 0, written as 8x8."""
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.isdigit() and int(part) > 0 for part in parts):
+        raise argparse.ArgumentTypeError(f"expected two whole numbers such as 8x8, got {text!r}")
+    return int(parts[0]), int(parts[1])
 
 
 def check_targets(options: argparse.Namespace) -> None:
@@ -46,9 +55,10 @@ def check_targets(options: argparse.Namespace) -> None:
     targets = [*options.output, *filter(None, (options.report, options.picture, options.save))]
     for target in targets:
         check_writable(target)
-    names = [str(Path(target).resolve()) for target in targets] + [str(Path(options.cloud).resolve())]
+    given = options.cloud if isinstance(options.cloud, list) else [options.cloud]
+    sources, names = ([str(Path(path).resolve()) for path in paths] for paths in (given, targets))
     for name in names:
-        if names.count(name) > 1:
+        if (names + sources).count(name) > 1:
             raise InputError(f"{name!r} is named twice: give every output a file of its own, other than the cloud.")
 
 
@@ -65,13 +75,13 @@ def write_all(options: argparse.Namespace, found: Any, points: np.ndarray, rows:
         shape = trim_to_cloud(found.shape, found.foot.parameters, side_lengths(found.shape))
     written = []
     for target in options.output:
-        write_shape(target, shape, options.unit, _conversion_tolerance(found))
+        write_shape(target, shape, options.unit, conversion_tolerance(found))
         written.append(target)
     if options.save:
         save(options.save, shape)
         written.append(options.save)
     if options.picture:
-        _deviation_picture(found, points, options.unit, shape, options.picture)
+        deviation_picture(found, points, options.unit, shape, options.picture)
         written.append(options.picture)
     if options.report:
         _write_report(options, found, points, shape, timed(rows, begun))
@@ -79,7 +89,7 @@ def write_all(options: argparse.Namespace, found: Any, points: np.ndarray, rows:
     return written
 
 
-def _conversion_tolerance(found: Any) -> float:
+def conversion_tolerance(found: Any) -> float:
     """How far the B-spline in a CAD file may be from the surface that was fitted: far below what the fit leaves."""
     extent = float(np.linalg.norm(np.ptp(np.asarray(found.foot.points), axis=0)))
     return max(1e-3 * float(found.deviation.rms), 1e-7 * extent)
@@ -106,7 +116,7 @@ def write_shape(target: str, shape: Any, unit: str, tolerance: float) -> None:
         io.write_mesh(target, mesh.vertices, mesh.faces, normals=mesh.normals)
 
 
-def _deviation_picture(found: Any, points: np.ndarray, unit: str, shape: Any, path: str | None = None) -> np.ndarray:
+def deviation_picture(found: Any, points: np.ndarray, unit: str, shape: Any, path: str | None = None) -> np.ndarray:
     from ..view import deviation
 
     return deviation(shape, found.foot.parameters, found.deviation.signed, points, unit=unit, path=path)
@@ -143,7 +153,7 @@ def timed(rows: Rows, begun: float) -> Rows:
     return [*rows, ("time", round(time.perf_counter() - begun, 1), "s")]
 
 
-def _spline_size(shape: Any) -> Rows:
+def spline_size(shape: Any) -> Rows:
     n, m = shape.control_points.shape[:2]
     return [
         ("control points", f"{n} × {m} = {n * m}", ""),
@@ -175,7 +185,7 @@ def _sweep_size(shape: Any) -> Rows:
     ]
 
 
-_SIZES = {"bspline": _spline_size, "qi": _qi_size, "sweep": _sweep_size}
+_SIZES = {"bspline": spline_size, "qi": _qi_size, "sweep": _sweep_size}
 
 
 def _candidates(found: Any) -> list[tuple[str, int, int, str, int, float, float]]:
@@ -266,7 +276,7 @@ def _write_report(options: argparse.Namespace, found: Any, points: np.ndarray, s
         ],
     )
     pictures = [
-        ("Deviation of the points", png_bytes(_deviation_picture(found, points, options.unit, shape))),
+        ("Deviation of the points", png_bytes(deviation_picture(found, points, options.unit, shape))),
         ("The surface", png_bytes(shade(shape, unit=options.unit))),
     ]
     report = Report(

@@ -90,7 +90,7 @@ def fit_cloud(
     first = (most, most) if spans is None else spans
     _check_enough(len(host), first, degree)
 
-    watched = _Watched(progress)
+    watched = Watched(progress)
     watched(Event("parametrise"))
     options = {"loss": loss, "fairness": fairness, "progress": watched}
     start, feet = _best_start(points, parametrise(host), first, degree, watched)
@@ -163,7 +163,7 @@ def row_products(a: Any, b: Any) -> Any:
     return csr_matrix((values.ravel(), indices.ravel(), starts), shape=(rows, n * m))
 
 
-class _Watched:
+class Watched:
     """The caller's progress, remembering a wish to stop; never the silent default itself, so that every fit of a cloud is
     stepped by the same compiled function."""
 

@@ -16,7 +16,7 @@ from ..query import Foot, closest_point
 from ..surface import BSplineSurface
 from ._align import Alignment, align as fitted_to
 from ._arrangement import Meeting, arranged, cut_apart
-from ._cloud import CloudFit, fit_cloud
+from ._cloud import CloudFit, Watched, fit_cloud
 from ._deviation import Deviation
 from ._fit import side_lengths
 from ._patchwork import Bands, fitted_bridges, jumps, patchwork
@@ -38,6 +38,16 @@ class Range(eqx.Module):
     pose: Alignment | None
     deviation: Deviation
     cell: tuple[tuple[float, float], tuple[float, float]] = eqx.field(static=True)
+
+    def moved(self, points: Numbers) -> Float[np.ndarray, "n 3"]:
+        """Points of the range where the join has them."""
+        return np.asarray(points if self.pose is None else self.pose(points))
+
+    @property
+    def shift(self) -> Float[np.ndarray, "3"]:
+        """How far the middle of the range was moved."""
+        middle = np.asarray(self.fit.foot.points).mean(axis=0)
+        return self.moved(middle) - middle
 
 
 class Seam(eqx.Module):
@@ -96,9 +106,10 @@ def join_ranges(
         raise InputError(f"`degree` must be at least 3 for seams with continuous curvature, got {degree}.")
     if reach is not None and not reach > 0:
         raise InputError(f"`reach` must be a length > 0, got {reach}.")
+    watched = Watched(progress)
     fits = []
     for number, cloud in enumerate(points):
-        named = _Named(progress, f"range {number + 1}: ")
+        named = _Named(watched, f"range {number + 1}: ")
         fits.append(
             fit_cloud(cloud, spans=spans, tolerance=tolerance, degree=degree, loss=loss, fairness=fairness, progress=named)
         )
@@ -116,7 +127,7 @@ def join_ranges(
     reach = near if reach is None else reach
     found = arranged(surfaces, reach)
     surface, free, bands = patchwork(*cut_apart(found, reach))
-    surface = fitted_bridges(surface, free, np.concatenate(points), progress)
+    surface = fitted_bridges(surface, free, np.concatenate(points), watched)
     _warn_of_folds(surface)
     foot = closest_point(surface, np.concatenate(points))
     ends = np.cumsum([len(cloud) for cloud in points])[:-1]
@@ -127,7 +138,7 @@ def join_ranges(
         for k, fit in enumerate(fits)
     ]
     seams = _seams(surface, found.meetings, places, bands)
-    return JoinedRanges(surface, foot, Deviation(foot.distance), tuple(ranges), seams)
+    return JoinedRanges(surface, foot, Deviation(foot.distance), tuple(ranges), seams, watched.stop)
 
 
 class _Named:
