@@ -51,7 +51,9 @@ class Alignment(eqx.Module):
         if isinstance(moved, AbstractCurve | AbstractSurface):
             return transform(moved, self.matrix, self.offset)
         points = as_float(moved, self.matrix.dtype)
-        return jnp.einsum("ij,...j->...i", self.matrix, points, precision="highest") + self.offset
+        return jnp.vectorize(lambda p: jnp.matmul(self.matrix, p, precision="highest") + self.offset, signature="(i)->(i)")(
+            points
+        )
 
 
 def align(
@@ -80,7 +82,7 @@ def align(
 @eqx.filter_jit
 def _aligned(shape: Any, points: Array, weights: Array, first: Foot, scale: bool) -> Alignment:
     centre = jnp.mean(points, axis=0)
-    size = jnp.sqrt(jnp.mean(jnp.sum((points - centre) ** 2, axis=1)))
+    size = jnp.sqrt(jnp.mean(jnp.sum((points - centre[None]) ** 2, axis=1)))
 
     def moves(x: Array, centre: Array, size: Array) -> tuple[Array, Array]:
         matrix = to_matrix(exp(x[:3] / 2))
@@ -89,7 +91,7 @@ def _aligned(shape: Any, points: Array, weights: Array, first: Foot, scale: bool
 
     def moved(x: Array, points: Array, centre: Array, size: Array) -> Array:
         matrix, offset = moves(x, centre, size)
-        return jnp.matmul(points, matrix.T, precision="highest") + offset
+        return jnp.matmul(points, matrix.T, precision="highest") + offset[None]
 
     def residual(x: Array, known: Any) -> Array:
         shape, points, weights, start, centre, size = known

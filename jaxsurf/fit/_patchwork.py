@@ -9,7 +9,6 @@ from jaxtyping import Bool, Float
 from .._progress import Event, Progress
 from ..build._join_axes import chained
 from ..build._same_knots import same_knots
-from ..edit import split
 from ..edit._spline_axis import SplineAxis, spline_axis, with_axis
 from ..query import closest_point
 from ..surface import BSplineSurface
@@ -174,19 +173,24 @@ def _bands(knots: np.ndarray, firsts: list[int], counts: list[int], degree: int)
 
 
 def jumps(surface: BSplineSurface, at: float, direction: str, count: int = 65) -> tuple[float, float, float]:
-    """Largest jumps of the point and of first and second derivatives by arc length across an isoline, against the size.
+    """Largest jumps of the point, and of first and second derivatives by arc length, across a knot, against the size.
 
-    By the polynomials on both sides of the knot, from parts that are cut there.
+    By the polynomials of the spans on both sides of it, each from its own control points.
     """
-    parts = split(surface, at, direction)
-    axis = "uv".index(direction)
-    first, last = (float(x) for x in surface.domain[1 - axis])
-    other = np.linspace(first, last, count)
+    axis = spline_axis(surface, direction)
+    knots, p, along = np.asarray(axis.knots), axis.degree, "uv".index(direction)
+    after = int(np.searchsorted(knots, at, side="right")) - 1
+    before = int(np.searchsorted(knots, at, side="left")) - 1
+    first, last = (float(x) for x in surface.domain[1 - along])
+    other, fixed = np.linspace(first, last, count), np.full(count, at)
+    place = (fixed, other) if along == 0 else (other, fixed)
+    sides = []
+    for span in (before, after):
+        own = SplineAxis(axis.net[span - p : span + 1], axis.knots[span - p : span + p + 2], p)
+        part = with_axis(surface, own, direction)
+        sides.append([np.asarray(part.derivative(*place, ((k, 0), (0, k))[along])) for k in range(3)])
     size = float(np.linalg.norm(np.ptp(np.asarray(surface.control_points).reshape(-1, 3), axis=0)))
-    order = lambda k: (k, 0) if axis == 0 else (0, k)
-    place = (np.full(count, at), other) if axis == 0 else (other, np.full(count, at))
-    sides = [[np.asarray(part.derivative(*place, order(k))) for k in range(3)] for part in parts]
     speed = np.linalg.norm(sides[0][1], axis=1).mean()
     scales = (1 / size, 1 / speed, size / speed**2)
-    found = [np.linalg.norm(a - b, axis=1).max() * s for a, b, s in zip(*sides, scales, strict=True)]
+    found = [np.linalg.norm(a - b, axis=1).max() * scale for a, b, scale in zip(*sides, scales, strict=True)]
     return float(found[0]), float(found[1]), float(found[2])
