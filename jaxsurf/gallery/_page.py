@@ -14,7 +14,7 @@ from .._errors import InputError
 from ..report import Report, Table, provenance, write_report
 from ..view import png_bytes
 
-_PAGES = {"quaternion-integrals": "_quaternion_integrals", "sweeps": "_sweeps"}
+_PAGES = {"joins": "_joins", "quaternion-integrals": "_quaternion_integrals", "sweeps": "_sweeps"}
 """By name: the file that makes the page, with a function `make` of no arguments."""
 
 

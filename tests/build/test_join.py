@@ -315,13 +315,13 @@ def test_a_fairest_bridge_under_jit_takes_a_length():
 def test_other_shapes_are_joined_as_splines():
     helix = js.QICurve((0, 0, 0), 2.0, [(1, 0, 0.2), (0, 1, 0.3), (-1, 0, 0.1)], 2)
     joined = js.join(helix, js.Line((2, 2, 1), (4, 2, 1)), bridge=True)
-    at = np.linspace(*(float(x) for x in helix.domain), 31)
+    at = np.linspace(float(helix.domain[0]), float(helix.domain[1]), 31)
     np.testing.assert_allclose(joined(at), helix(at), rtol=0, atol=1e-8)
     assert len(np.unique(np.asarray(joined.knots)[3:-3])) >= len(joined.knots) - 8
     spine = [js.QICurve((0, y, 0), 2.0, [(1, 0, 0.2), (1, 0, -0.3), (1, 0, 0.1)], 2) for y in (0.0, 1.0)]
     sheet = js.sweep(js.Line((0, 0, 0), (0, 1, 0)), spine)
     both = js.join(sheet, patch((2.5, 3.5), (0, 1)), bridge=True, edges=("v1", "u0"))
-    u, v = (np.linspace(*(float(x) for x in along), 9) for along in sheet.domain)
+    u, v = (np.linspace(float(along[0]), float(along[1]), 9) for along in sheet.domain)
     np.testing.assert_allclose(both.grid(u, v), sheet.grid(u, v), rtol=0, atol=1e-8)
 
 
@@ -334,7 +334,7 @@ def test_surfaces_in_a_ring_are_joined_to_a_tube():
         quarter.append(js.BSplineSurface(np.stack([x, y, z], -1), js.clamped_knots(6, 3), js.clamped_knots(5, 3), 3, 3))
     ring = js.join(*quarter, bridge="fairest", closed=True)
     assert ring.periodic_u and not ring.periodic_v
-    u, v = np.linspace(*(float(x) for x in ring.domain[0]), 200), np.linspace(0, 1, 7)
+    u, v = np.linspace(float(ring.domain[0][0]), float(ring.domain[0][1]), 200), np.linspace(0, 1, 7)
     radius = np.linalg.norm(np.asarray(ring.grid(u, v))[..., :2], axis=-1)
     assert radius.min() > 0.8 and radius.max() < 1.3
     at = np.linspace(0, 1, 9)

@@ -1,6 +1,7 @@
 """Ranges measured apart, each fitted alone and joined: deviations, seams, poses, and what is refused."""
 
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -33,9 +34,10 @@ def bunny(columns, rows):
 
 def sheet(u, v, count=COUNT):
     """Points of one bent sheet over [u0, u1] × [v0, v1]."""
-    x, y = (RNG.uniform(*ends, count) for ends in (u, v))
-    x[:40], y[:40] = np.tile(np.linspace(*u, 10), 4), np.concatenate([np.full(10, t) for t in np.linspace(*v, 4)])
-    y[40:80], x[40:80] = np.tile(np.linspace(*v, 10), 4), np.concatenate([np.full(10, t) for t in np.linspace(*u, 4)])
+    shares = RNG.uniform(size=(2, count))
+    lines, along = np.repeat(np.linspace(0, 1, 4), 10), np.tile(np.linspace(0, 1, 10), 4)
+    shares[:, :80] = np.concatenate([[along, lines], [lines, along]], axis=1)  # the rim too
+    x, y = (ends[0] + (ends[1] - ends[0]) * share for ends, share in zip((u, v), shares, strict=True))
     return height(x, y)
 
 
@@ -58,7 +60,7 @@ def test_the_bunny_in_ranges_is_as_near_as_in_one_piece(columns, rows, spans):
         inner = np.asarray(knots)[degree + 1 : -degree - 1]
         assert len(np.unique(inner)) == len(inner)  # C² throughout
     for part in found.ranges:
-        at = [np.linspace(*ends, 13) for ends in part.cell]
+        at = [np.linspace(first, last, 13) for first, last in part.cell]
         own = np.asarray(found.shape.grid(*at)).reshape(-1, 3)
         assert np.abs(np.asarray(js.closest_point(part.fit.shape, own).distance)).max() < 1e-9  # what was fitted stays
         assert float(part.deviation.rms) < 1.25 * float(part.fit.deviation.rms)
@@ -73,8 +75,8 @@ def test_a_row_of_ranges_whatever_way_they_run():
     assert abs(np.subtract(line[0], line[2]).sum()) == abs(np.subtract(line[1], line[2]).sum()) == 1
     assert {frozenset(seam.ranges) for seam in found.seams} == {frozenset((0, 2)), frozenset((1, 2))}
     assert all(max(seam.jumps) < 1e-10 for seam in found.seams)
-    ends = [np.asarray(along, float) for along in found.shape.domain]
-    net = np.asarray(found.shape.grid(*[np.linspace(*e, 60) for e in ends])).reshape(-1, 3)
+    u, v = (np.linspace(float(first), float(last), 60) for first, last in found.shape.domain)
+    net = np.asarray(found.shape.grid(u, v)).reshape(-1, 3)
     assert np.abs(net[:, 2] - height(net[:, 0], net[:, 1])[:, 2]).max() < 0.02
     assert net[:, 0].min() < 0.05 and net[:, 0].max() > 14.95  # the whole of it, once
 
@@ -86,7 +88,7 @@ def test_alignment_finds_the_pose_of_a_range():
     moved = clouds[1] @ matrix.T + [0.1, -0.05, 0.1]
     crooked = js.join_ranges([clouds[0], moved], spans=(4, 4), reach=0.6)
     found = js.join_ranges([clouds[0], moved], spans=(4, 4), align=True, reach=0.6)
-    pose = found.ranges[1].pose
+    pose: Any = found.ranges[1].pose
     assert found.ranges[0].pose is None and crooked.ranges[1].pose is None
     assert float(pose.angle) == pytest.approx(0.03, rel=0.05) and float(pose.before.rms) > 20 * float(pose.deviation.rms)
     assert np.abs(found.ranges[1].moved(moved) - clouds[1]).max() < 0.01

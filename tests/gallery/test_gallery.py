@@ -51,6 +51,18 @@ def test_the_command_line_writes_pages(tmp_path, capsys):
     assert text.count("data:image/png") == 5 and "3 and 3 × 3" in text
 
 
+def test_figures_1_to_3_of_paper_003_keep_what_was_given():
+    made = page("joins")
+    (table,) = made.measured
+    assert [row[0] for row in table.rows] == ["1", "2", "3"] and [row[1] for row in table.rows] == [4, 6, 6]
+    moved, *jumps, bends = np.array([row[2:] for row in table.rows], float).T
+    assert np.all(moved == 0) and np.max(jumps) < 1e-14
+    assert bends[1] > 1 and bends[2] < 1e-14
+    pictures = [pixels for _, _, pixels in made.pictures]
+    green = [np.mean((p[..., 1] > p[..., 0] + 20.0) & (p[..., 1] > p[..., 2] + 20.0)) for p in pictures]
+    assert green[0] == 0 and min(green[1:]) > 0.003  # arrows of second derivatives on joins
+
+
 def test_unknown_pages_and_folders_that_cannot_be_made(tmp_path, capsys):
     assert main(["gallery", "cubism", "-o", str(tmp_path)]) == 2
     assert "quaternion-integrals" in capsys.readouterr().err
