@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from .._array import Numbers, as_float, concrete, is_concrete
 from .._errors import InputError
+from .._safe import arctan2, norm
 from ..curve import AbstractCurve
 from ..edit import transform
 from ..quaternion import exp, to_matrix
@@ -44,7 +45,7 @@ class Alignment(eqx.Module):
         """By what the cloud is turned, radians."""
         twist = self.matrix - self.matrix.T
         axis = jnp.stack([twist[2, 1], twist[0, 2], twist[1, 0]])
-        return jnp.arctan2(jnp.linalg.norm(axis), jnp.trace(self.matrix) - self.scale)
+        return arctan2(norm(axis), jnp.trace(self.matrix) - self.scale)
 
     def __call__(self, moved: Any) -> Any:
         """Points (..., 3), or a shape, moved likewise."""

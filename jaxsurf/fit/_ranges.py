@@ -39,7 +39,7 @@ class Range(eqx.Module):
     deviation: Deviation
     cell: tuple[tuple[float, float], tuple[float, float]] = eqx.field(static=True)
 
-    def moved(self, points: Numbers) -> Float[np.ndarray, "n 3"]:
+    def moved(self, points: Numbers) -> Float[np.ndarray, "*n 3"]:
         """Points of the range where the join has them."""
         return np.asarray(points if self.pose is None else self.pose(points))
 
