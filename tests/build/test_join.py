@@ -161,6 +161,21 @@ def test_surfaces_are_joined_along_named_edges(edges):
     assert len(np.unique(np.round(inner, 9))) == len(inner)  # C² throughout
 
 
+@pytest.mark.parametrize("curvature", ["match", "zero", "tangent"])
+@pytest.mark.parametrize("bridge", ["shortest", "fairest"])
+def test_isolines_over_bridges_have_no_jumps(bridge, curvature):
+    a, b = patch((0, 1), (0, 1)), patch((1.3, 2), (0, 1), 0.1, 7, 6)
+    whole = js.join(a, b, bridge=bridge, curvature=curvature)
+    seams = [float(t) for t in np.unique(whole.knots_u)[1:-1] if t > 0.9]
+    assert len(seams) >= 3
+    for v in (0.0, 0.3, 1.0):
+        net = np.einsum("ijx,j->ix", whole.control_points, whole.basis_v.row(jnp.asarray(v)))
+        line = js.BSplineCurve(net, whole.knots_u, 3)
+        largest = [np.abs(np.asarray(line.derivative(np.asarray(seams), k))).max() for k in (0, 1, 2)]
+        for seam in seams:
+            assert np.all(np.array(jumps(line, seam)) < 1e-12 * np.array(largest))
+
+
 def test_edges_that_run_opposite_ways_are_turned_and_said():
     a, b = patch((0, 1), (0, 1)), patch((1.3, 2), (0, 1), 0.1)
     straight = js.join(a, b, bridge=True)
