@@ -114,6 +114,7 @@ from .fit import (
     fit_cloud as fit_cloud,
     fit_qi as fit_qi,
     fit_sweep as fit_sweep,
+    join_patches as join_patches,
     join_ranges as join_ranges,
     parametrise as parametrise,
     qi_plane as qi_plane,

@@ -5,6 +5,7 @@ from ._deviation import Deviation as Deviation
 from ._fit import Fit as Fit, fit as fit, side_lengths as side_lengths
 from ._outline import trim_to_cloud as trim_to_cloud
 from ._parametrise import Parametrisation as Parametrisation, parametrise as parametrise
+from ._patchwork import JoinedPatches as JoinedPatches, join_patches as join_patches
 from ._quaternion_cloud import (
     fit_qi as fit_qi,
     numbers_of as numbers_of,

@@ -1,17 +1,21 @@
 """A grid of B-spline patches as one surface: bridges between them, fitted to points."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._progress import Event, Progress
+from .._array import Numbers, as_float, concrete
+from .._errors import InputError
+from .._progress import Event, Progress, silent
 from ..build._join_axes import chained
 from ..build._same_knots import same_knots
 from ..edit._spline_axis import SplineAxis, spline_axis, with_axis
 from ..query import closest_point
 from ..surface import BSplineSurface
+from ._arrangement import side_points
 from ._bending import gram_matrices
 from ._cloud import row_products
 from ._fit import faint_bending, side_lengths
@@ -26,6 +30,70 @@ Grid = list[list[BSplineSurface]]
 
 Bands = tuple[list[tuple[float, float]], list[tuple[float, float]]]
 """First and last parameters of the patches, by column and by row; the bridges lie between."""
+
+
+class JoinedPatches(NamedTuple):
+    """The surface, and the first and last parameters that patches have in it: in u by column, in v by row."""
+
+    shape: BSplineSurface
+    columns: list[tuple[float, float]]
+    rows: list[tuple[float, float]]
+
+
+def join_patches(
+    patches: Sequence[Sequence[Any]], points: Numbers | None = None, *, progress: Progress = silent
+) -> JoinedPatches:
+    """A grid of B-spline surfaces with gaps between as one surface, C^(degree − 1) throughout, all of them kept in it.
+
+    patches: by column, along u, and row, along v: u1 of `patches[0][0]` faces u0 of `patches[1][0]`, and its v1 faces v0 of
+    `patches[0][1]`. The bridges between, and the corners where four patches meet, bend least; with points (N, 3) they are
+    fitted to those that lie on them. Patches are of one degree, at least 3; those of a column get one domain in u and common
+    knots, those of a row in v. Raises `InputError` with the place where sides face the wrong way, touch or overlap. Source:
+    paper 003, with bridges for vertices that do not coincide.
+    """
+    grid = [list(column) for column in patches]
+    _check_grid(grid)
+    gaps = [[0.0] * (n - 1) for n in (len(grid), len(grid[0]))]
+    for axis, name in ((0, "column"), (1, "row")):
+        for k in range(len(gaps[axis])):
+            lines = zip(grid[k], grid[k + 1], strict=True) if axis == 0 else ((column[k], column[k + 1]) for column in grid)
+            gaps[axis][k] = float(np.mean([_gap(*pair, axis, f"{name} {k + 1}") for pair in lines]))
+    surface, free, bands = patchwork(grid, (gaps[0], gaps[1]))
+    known = np.zeros((0, 3)) if points is None else np.asarray(concrete(as_float(points)), np.float64)
+    return JoinedPatches(fitted_bridges(surface, free, known, progress), *bands)
+
+
+def _check_grid(grid: list[list[Any]]) -> None:
+    if not grid or not grid[0] or any(len(column) != len(grid[0]) for column in grid) or len(grid) * len(grid[0]) < 2:
+        sizes = [len(column) for column in grid]
+        raise InputError(f"`patches` must be columns of equally many surfaces, two in all or more, got columns of {sizes}.")
+    degrees = set()
+    for c, column in enumerate(grid):
+        for r, patch in enumerate(column):
+            if not isinstance(patch, BSplineSurface) or patch.periodic_u or patch.periodic_v:
+                raise InputError(
+                    f"`patches[{c}][{r}]` must be a B-spline surface that is not periodic, got {type(patch).__name__}; "
+                    "js.to_bspline converts."
+                )
+            degrees |= {patch.degree_u, patch.degree_v}
+    if len(degrees) > 1 or min(degrees) < 3:
+        raise InputError(f"`patches` must be of one degree of at least 3, got {sorted(degrees)}; see js.elevate_degree.")
+
+
+def _gap(one: BSplineSurface, other: BSplineSurface, axis: int, where: str) -> float:
+    """The mean distance of facing sides."""
+    ends = side_points(one, f"{'uv'[axis]}1"), side_points(other, f"{'uv'[axis]}0")
+    distances = [float(np.linalg.norm(a - b, axis=1).mean()) for a, b in (ends, (ends[0], ends[1][::-1]))]
+    behind = side_points(one, f"{'uv'[axis]}0")
+    if distances[1] < distances[0]:
+        raise InputError(f"The sides after {where} of `patches` run against each other; turn one of them by js.reverse.")
+    apart = np.mean(np.sum((ends[1] - ends[0]) * (ends[0] - behind), axis=1))
+    if distances[0] <= 1e-6 * float(np.linalg.norm(np.ptp(np.concatenate(ends), axis=0))) or apart <= 0:
+        raise InputError(
+            f"The sides after {where} of `patches` touch or overlap: bridges need a gap; cut a strip off by js.split, or "
+            "use js.join where control points coincide."
+        )
+    return distances[0]
 
 
 def patchwork(patches: Grid, gaps: tuple[list[float], list[float]]) -> tuple[BSplineSurface, Bool[np.ndarray, "n m"], Bands]:
@@ -84,6 +152,8 @@ def fitted_bridges(
     within = bending[own][:, own]
     net[own] = _solve(within, -(bending[own][:, at_rest] @ net[at_rest]))
     surface, rest, feet = _with_net(surface, net), net.copy(), None
+    if not len(points):
+        return surface
     weight = faint_bending(max(surface.control_points.shape[:2]), _ATTENUATION)
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     for step in range(_STEPS):

@@ -95,6 +95,61 @@ def test_alignment_finds_the_pose_of_a_range():
     assert float(found.deviation.rms) < 0.2 * float(crooked.deviation.rms)
 
 
+def piece(u, v, rows=6, columns=5):
+    x, y = np.meshgrid(np.linspace(u[0], u[1], rows), np.linspace(v[0], v[1], columns), indexing="ij")
+    return js.BSplineSurface(height(x, y), js.clamped_knots(rows, 3), js.clamped_knots(columns, 3), 3, 3)
+
+
+def four(gap=0.6):
+    """Patches left and right, low and high, of different sizes and knots, all on nearly one sheet."""
+    return [
+        [piece(u, v, rows, columns) for v, columns in (((0, 3), 5), ((3 + gap, 5), 6))]
+        for u, rows in (((0, 2), 6), ((2 + gap, 5), 7))
+    ]
+
+
+def test_four_patches_are_kept_in_one_surface():
+    grid = four()
+    found = js.join_patches(grid)
+    for c, column in enumerate(grid):
+        for r, own in enumerate(column):
+            ends, places = (found.columns[c], found.rows[r]), np.linspace(0, 1, 7)
+            at = [first + (last - first) * places for first, last in ends]
+            np.testing.assert_allclose(found.shape.grid(*at), own.grid(places, places), rtol=0, atol=1e-12)
+    for knots in (found.shape.knots_u, found.shape.knots_v):
+        assert len(np.unique(np.asarray(knots)[4:-4])) == len(knots) - 8  # C² throughout, in the corner too
+    u, v = (np.linspace(float(first), float(last), 40) for first, last in found.shape.domain)
+    net = np.asarray(found.shape.grid(u, v))
+    off = lambda net: np.abs(net[..., 2] - height(net[..., 0], net[..., 1])[..., 2]).max()
+    assert off(net) < 0.12
+    points = sheet((0, 5), (0, 5))
+    fitted = js.join_patches(grid, points).shape
+    feet = lambda surface: np.asarray(js.closest_point(surface, points).distance)
+    assert np.square(feet(fitted)).mean() < np.square(feet(found.shape)).mean()
+
+
+@pytest.mark.parametrize(
+    ("patches", "message"),
+    [
+        (
+            lambda g: [g[0], g[1][:1]],
+            r"must be columns of equally many surfaces, two in all or more, got columns of \[2, 1\]",
+        ),
+        (lambda g: [[js.Plane((0, 0, 0), (0, 0, 1)), g[0][1]], g[1]], r"`patches\[0\]\[0\]` must be a B-spline surface"),
+        (lambda g: [[js.elevate_degree(g[0][0], direction="u"), g[0][1]], g[1]], "must be of one degree of at least 3, got"),
+        (
+            lambda g: [[js.reverse(g[0][0], "v"), g[0][1]], g[1]],
+            "The sides after column 1 of `patches` run against",
+        ),
+        (lambda g: four(0.0), "The sides after column 1 of `patches` touch or overlap"),
+        (lambda g: [g[1], g[0]], "The sides after column 1 of `patches` touch or overlap"),
+    ],
+)
+def test_grids_that_cannot_be_bridged(patches, message):
+    with pytest.raises(js.InputError, match=message):
+        js.join_patches(patches(four()))
+
+
 def patch():
     x, y = np.meshgrid(np.linspace(0, 4, 8), np.linspace(0, 3, 7), indexing="ij")
     net = np.stack([x, y, 0.6 * np.sin(1.3 * x) * np.cos(y)], axis=-1)
