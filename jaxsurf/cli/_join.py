@@ -37,11 +37,7 @@ def add_join(parser: argparse.ArgumentParser) -> None:
         metavar="L",
         help="how far a side may be from the range that it meets (default three spacings of the points)",
     )
-    parser.add_argument("--unit", default="mm", help="unit of the points: mm, cm, m or in (default mm)")
-    parser.add_argument("--report", metavar="FILE", help="write an HTML report")
-    parser.add_argument("--picture", metavar="FILE", help="write a picture of the deviations (.png .svg .pdf)")
-    parser.add_argument("--save", metavar="FILE", help="write the surface in the lossless format of js.load (.jxs)")
-    parser.add_argument("--quiet", action="store_true", help="print errors only")
+    output.add_files(parser)
     parser.set_defaults(run=_join, trim=False)
 
 
@@ -160,12 +156,7 @@ def _write_report(options: argparse.Namespace, found: Any, points: np.ndarray, r
         "Seams: largest jumps of the point against the size, and of first and second derivatives by arc length",
         ("ranges", "sides", "overlap", "point", "first", "second × size"),
         [
-            (
-                f"{s.ranges[0] + 1} – {s.ranges[1] + 1}",
-                " – ".join(s.sides),
-                f"{s.overlap:.0%}",
-                *(f"{x:.1e}" for x in s.jumps),
-            )
+            (" – ".join(str(k + 1) for k in s.ranges), " – ".join(s.sides), f"{s.overlap:.0%}", *_short(s.jumps))
             for s in found.seams
         ],
     )

@@ -128,11 +128,7 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         help="share of the points left out of a check fit (default 0.1)",
     )
     parser.add_argument("--trim", action="store_true", help="trim the exported face to the outline of the cloud")
-    parser.add_argument("--unit", default="mm", help="unit of the points: mm, cm, m or in (default mm)")
-    parser.add_argument("--report", metavar="FILE", help="write an HTML report")
-    parser.add_argument("--picture", metavar="FILE", help="write a picture of the deviations (.png .svg .pdf)")
-    parser.add_argument("--save", metavar="FILE", help="write the surface in the lossless format of js.load (.jxs)")
-    parser.add_argument("--quiet", action="store_true", help="print errors only")
+    output.add_files(parser)
     parser.set_defaults(run=_fit)
 
 

@@ -24,6 +24,15 @@ def pair(text: str) -> tuple[int, int]:
     return int(parts[0]), int(parts[1])
 
 
+def add_files(parser: argparse.ArgumentParser) -> None:
+    """The unit, and the arguments of what is written beside CAD files."""
+    parser.add_argument("--unit", default="mm", help="unit of the points: mm, cm, m or in (default mm)")
+    parser.add_argument("--report", metavar="FILE", help="write an HTML report")
+    parser.add_argument("--picture", metavar="FILE", help="write a picture of the deviations (.png .svg .pdf)")
+    parser.add_argument("--save", metavar="FILE", help="write the surface in the lossless format of js.load (.jxs)")
+    parser.add_argument("--quiet", action="store_true", help="print errors only")
+
+
 def check_targets(options: argparse.Namespace) -> None:
     """Refuse outputs that could not be written, and name missing packages, before any work begins."""
     if not (options.output or options.report or options.picture or options.save):

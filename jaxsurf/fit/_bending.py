@@ -26,17 +26,22 @@ def bending_matrix(shape: Any, sides: tuple[Any, Any]) -> Float[Array, "q q"] | 
 
 @bending_matrix.register
 def _(shape: BSplineSurface, sides: tuple[Any, Any]) -> Float[Array, "q q"] | None:
-    u, v = gram_matrices(shape.basis_u), gram_matrices(shape.basis_v)
+    total: Any = sum(weight * jnp.kron(in_u, in_v) for in_u, in_v, weight in bending_terms(shape, sides))
+    return total
+
+
+def bending_terms(shape: BSplineSurface, sides: tuple[Any, Any]) -> list[tuple[Array, Array, Any]]:
+    """`bending_matrix` as a sum of Kronecker products: matrices along u and along v, and their weights."""
+    u, v = _grams(shape.basis_u), _grams(shape.basis_v)
     (a, b), (c, d) = shape.domain
     # lengths per parameter: s = along_u · u
     along_u, along_v = sides[0] / (b - a), sides[1] / (d - c)
     area = sides[0] * sides[1]
-    parts = (
-        (u[2], v[0], along_v / along_u**3),
-        (u[1], v[1], 2 / (along_u * along_v)),
-        (u[0], v[2], along_u / along_v**3),
-    )
-    return area * sum(weight * jnp.kron(in_u, in_v) for in_u, in_v, weight in parts)
+    return [
+        (u[2], v[0], area * (along_v / along_u**3)),
+        (u[1], v[1], area * (2 / (along_u * along_v))),
+        (u[0], v[2], area * (along_u / along_v**3)),
+    ]
 
 
 def bending_of(shape: Any, sides: tuple[Any, Any]) -> Float[Array, "q q"] | None:
@@ -49,7 +54,7 @@ def _compiled(shape: Any, sides: tuple[Array, Array]) -> Float[Array, "q q"] | N
     return bending_matrix(shape, sides)
 
 
-def gram_matrices(basis: BSplineBasis) -> list[Float[Array, "n n"]]:
+def _grams(basis: BSplineBasis) -> list[Float[Array, "n n"]]:
     """∫ B_i^(k) B_j^(k) over the domain for k = 0, 1, 2, exact by Gauss-Legendre nodes in every span."""
     nodes, weights = span_nodes(basis, basis.degree + 1)
     index, values = jax.vmap(lambda t: basis_derivatives(basis, t, 2))(nodes)

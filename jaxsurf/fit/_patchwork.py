@@ -16,7 +16,7 @@ from ..edit._spline_axis import SplineAxis, spline_axis, with_axis
 from ..query import closest_point
 from ..surface import BSplineSurface
 from ._arrangement import side_points
-from ._bending import gram_matrices
+from ._bending import bending_terms
 from ._cloud import row_products
 from ._fit import faint_bending, side_lengths
 
@@ -196,12 +196,9 @@ def _bending(surface: BSplineSurface, sides: tuple[float, float]) -> Any:
     """The matrix of `bending_matrix`, sparse."""
     from scipy.sparse import csr_matrix, kron
 
-    u, v = ([csr_matrix(np.asarray(m)) for m in gram_matrices(basis)] for basis in (surface.basis_u, surface.basis_v))
-    (a, b), (c, d) = ((float(x) for x in along) for along in surface.domain)
-    by_u, by_v = sides[0] / (b - a), sides[1] / (d - c)
-    parts = ((u[2], v[0], by_v / by_u**3), (u[1], v[1], 2 / (by_u * by_v)), (u[0], v[2], by_u / by_v**3))
-    total: Any = sum(weight * kron(one, other) for one, other, weight in parts)
-    return (sides[0] * sides[1] * total).tocsr()
+    sparse = lambda matrix: csr_matrix(np.asarray(matrix))
+    total: Any = sum(float(w) * kron(sparse(u), sparse(v)) for u, v, w in bending_terms(surface, sides))
+    return total.tocsr()
 
 
 def _design(surface: BSplineSurface, feet: Float[np.ndarray, "N 2"]) -> Any:
