@@ -2,10 +2,20 @@ from ._align import Alignment as Alignment, align as align
 from ._cloud import CloudFit as CloudFit, Stage as Stage, fit_cloud as fit_cloud
 from ._coverage import Coverage as Coverage, coverage as coverage
 from ._deviation import Deviation as Deviation
-from ._fit import Fit as Fit, fit as fit, side_lengths as side_lengths
+from ._fit import Fit as Fit, fit as fit
+from ._fixed import (
+    FixedEdge as FixedEdge,
+    FixedPoint as FixedPoint,
+    PlanarEdge as PlanarEdge,
+    StraightEdge as StraightEdge,
+    Symmetry as Symmetry,
+    TangentPlane as TangentPlane,
+)
+from ._many import fit_many as fit_many
 from ._outline import trim_to_cloud as trim_to_cloud
 from ._parametrise import Parametrisation as Parametrisation, parametrise as parametrise
 from ._patchwork import JoinedPatches as JoinedPatches, join_patches as join_patches
+from ._pose import side_lengths as side_lengths
 from ._quaternion_cloud import (
     fit_qi as fit_qi,
     numbers_of as numbers_of,
@@ -20,3 +30,4 @@ from ._sweep_cloud import (
     fit_sweep as fit_sweep,
     sweep_numbers as sweep_numbers,
 )
+from ._uncertainty import Uncertainty as Uncertainty

@@ -10,27 +10,37 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..basis import BSplineBasis
+from ..curve import BSplineCurve, NURBSCurve
 from ..differential import basis_derivatives
-from ..surface import BSplineSurface
+from ..surface import BSplineSurface, NURBSSurface
 
 
 @singledispatch
-def bending_matrix(shape: Any, sides: tuple[Any, Any]) -> Float[Array, "q q"] | None:
+def bending_matrix(shape: Any, sides: tuple[Any, ...]) -> Float[Array, "q q"] | None:
     """Matrix K of the quadratic form Σ_xyz cᵀKc in the control points, or `None` for shapes that have none.
 
-    For a surface it is A ∬ |S_ss|² + 2|S_st|² + |S_tt|² ds dt over the sheet unrolled to `sides`, A its area: without unit
-    but for length², like a mean squared distance. It is quadratic, and drags curved shapes flat where it is not weak.
+    For a surface it is A ∬ |S_ss|² + 2|S_st|² + |S_tt|² ds dt over the sheet unrolled to `sides`, A its area; for a curve
+    L³ ∫ |C_ss|² ds, L its length, the only one of `sides`: without unit but for length², like a mean squared distance. It is
+    quadratic, and drags curved shapes flat where it is not weak. Of rational shapes it is that of the net.
     """
     return None
 
 
-@bending_matrix.register
-def _(shape: BSplineSurface, sides: tuple[Any, Any]) -> Float[Array, "q q"] | None:
+@bending_matrix.register(BSplineCurve)
+@bending_matrix.register(NURBSCurve)
+def _(shape: Any, sides: tuple[Any, ...]) -> Float[Array, "q q"] | None:
+    a, b = shape.domain
+    return (b - a) ** 3 * _grams(shape.basis)[2]
+
+
+@bending_matrix.register(BSplineSurface)
+@bending_matrix.register(NURBSSurface)
+def _(shape: Any, sides: tuple[Any, ...]) -> Float[Array, "q q"] | None:
     total: Any = sum(weight * jnp.kron(in_u, in_v) for in_u, in_v, weight in bending_terms(shape, sides))
     return total
 
 
-def bending_terms(shape: BSplineSurface, sides: tuple[Any, Any]) -> list[tuple[Array, Array, Any]]:
+def bending_terms(shape: BSplineSurface | NURBSSurface, sides: tuple[Any, ...]) -> list[tuple[Array, Array, Any]]:
     """`bending_matrix` as a sum of Kronecker products: matrices along u and along v, and their weights."""
     u, v = _grams(shape.basis_u), _grams(shape.basis_v)
     (a, b), (c, d) = shape.domain
@@ -44,13 +54,13 @@ def bending_terms(shape: BSplineSurface, sides: tuple[Any, Any]) -> list[tuple[A
     ]
 
 
-def bending_of(shape: Any, sides: tuple[Any, Any]) -> Float[Array, "q q"] | None:
+def bending_of(shape: Any, sides: tuple[Any, ...]) -> Float[Array, "q q"] | None:
     """`bending_matrix`, compiled."""
-    return _compiled(shape, (jnp.asarray(sides[0], shape.dtype), jnp.asarray(sides[1], shape.dtype)))
+    return _compiled(shape, tuple(jnp.asarray(side, shape.dtype) for side in sides))
 
 
 @eqx.filter_jit
-def _compiled(shape: Any, sides: tuple[Array, Array]) -> Float[Array, "q q"] | None:
+def _compiled(shape: Any, sides: tuple[Array, ...]) -> Float[Array, "q q"] | None:
     return bending_matrix(shape, sides)
 
 

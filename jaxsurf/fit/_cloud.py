@@ -15,9 +15,10 @@ from ..surface import BSplineSurface
 from ._bending import bending_of
 from ._coverage import Coverage, coverage
 from ._deviation import Deviation
-from ._fit import Fit, check_weights, faint_bending, fit, side_lengths
+from ._fit import Fit, check_weights, fit
 from ._losses import find_loss
 from ._parametrise import Parametrisation, check_sheet, parametrise
+from ._pose import faint_bending, side_lengths
 from ._refine import refined_knots
 
 _COARSE = 4  # spans of the first net where a tolerance is to be met: enough to bend with the sheet

@@ -1,6 +1,7 @@
 """Fit the control data of a shape to measured points."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from statistics import NormalDist
 from typing import Any
 
 import equinox as eqx
@@ -8,28 +9,34 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
+from .. import _safe
 from .._array import Numbers, as_float, concrete, is_concrete
 from .._errors import InputError
 from .._progress import Progress, silent
-from ..curve import AbstractCurve, QICurve
-from ..query import Foot, closest_point, foot_at
+from ..curve import AbstractCurve
+from ..query import Foot, closest_point, feet_with_derivatives, foot_at
 from ..surface import AbstractSurface, BSplineSurface, QISurface
-from ._bending import bending_of
 from ._deviation import Deviation
+from ._fixed import bound_to
+from ._implicit import with_derivatives
 from ._losses import find_loss, noise_scale
-from ._problem import Problem, free_leaves, unknowns_of
+from ._pose import diagonal, posed, staged, stages
+from ._problem import Problem, unknowns_of
 from ._solve import Solved, solve
+from ._uncertainty import Uncertainty, uncertainty_of
 
 _RENEWALS = 3
+_SIGNIFICANT = 0.1  # share of the gain that a free number owes to noise; steps that gain less for each are not taken
 
 
 class Fit(eqx.Module):
     """What a fit found.
 
     shape: the fitted member of the family; foot: the feet of all points on it; deviation: their distances; result: how
-    the solver ended, an `optimistix.RESULTS`; steps: solver steps in all; stopped: whether `progress` asked to stop.
+    the solver ended, an `optimistix.RESULTS`; steps: solver steps in all; stopped: whether `progress` asked to stop;
+    problem: what was solved, in the end.
     """
 
     shape: Any
@@ -37,12 +44,34 @@ class Fit(eqx.Module):
     deviation: Deviation
     result: Any
     steps: Int[Array, ""]
-    stopped: bool = False
+    stopped: bool
+    problem: Problem
 
     @property
     def converged(self) -> Any:
         """Whether the solver met its tolerance."""
         return self.result == optx.RESULTS.successful
+
+    @property
+    def outliers(self) -> Bool[Array, "N"]:
+        """Which points lie so far off that noise would put one of twenty such clouds there; the noise is taken from the
+        median of the distances."""
+        counted = self.problem.weights
+        noise = noise_scale(self.deviation.signed, counted)
+        chance = 0.05 / max(counted.shape[-1], 1)
+        return jnp.abs(self.deviation.signed) > noise * NormalDist().inv_cdf(1 - chance / 2)
+
+    def uncertainty(self, noise: float | None = None) -> Uncertainty:
+        """Variances of the control data and of the shape's places; see `Uncertainty`.
+
+        noise: standard deviation of a measurement of weight 1, so 1 if weights are 1/variance; by default taken from the
+        distances.
+        """
+        return uncertainty_of(self.problem, self.problem.unknowns(self.shape), self._feet, noise)
+
+    @property
+    def _feet(self) -> Array:
+        return self.foot.parameters.reshape(self.problem.points.shape[0], -1)
 
 
 def fit(
@@ -50,71 +79,89 @@ def fit(
     points: Numbers,
     *,
     loss: str = "squared",
+    trimmed: float = 0.0,
     fairness: float = 0.0,
     bending: float | None = None,
     rest: BSplineSurface | None = None,
     free: Callable[[Any], Any] | None = None,
+    fixed: Callable[[Any], Any] | Sequence[Callable[[Any], Any]] = (),
     weights: Numbers | None = None,
     start: Numbers | None = None,
-    sliding: float = 1e-3,
-    release: float = 1.0,
-    rtol: float = 1e-5,
+    parameters: Numbers | None = None,
+    sliding: float = 0.1,
+    release: float = 1e3,
+    rtol: float | None = None,
     max_steps: int = 60,
+    solver: optx.AbstractMinimiser | None = None,
     progress: Progress = silent,
     phase: str = "fit",
 ) -> Fit:
     """Fit a curve or surface to an unordered cloud (N, 3): minimise the distances of the points to their feet on it.
 
     shape: the member of the family to start from. free: picks the arrays that may move, as in
-    `free=lambda s: s.control_points`; by default all but knots. weights: (N,) ≥ 0, such as 1/variance. loss: "squared",
-    "huber", "cauchy" or "tukey", whose scale follows the noise found. fairness: weight of the scale-free curvature variation
+    `free=lambda s: s.control_points`; by default all but knots. fixed: what the shape must keep, such as `js.FixedEdge`,
+    `js.FixedPoint`, `js.TangentPlane`, `js.Symmetry`, or functions of the shape whose values are to vanish. weights: (N,)
+    ≥ 0, such as 1/variance. loss: "squared", "huber", "cauchy" or "tukey", whose scale follows the noise found; trimmed:
+    share of the points, the farthest, that do not count. fairness: weight of the scale-free curvature variation
     against the mean squared distance in units of size²; it does not shrink circles (useful: 1e-9 … 1e-3). bending: weight of
     the quadratic bending energy of B-spline nets, and of the turns between control tangents of QI shapes, that holds what no
     point determines; `None` is a weight too weak to be seen in the covered part. rest: the net on the same knots from which
     bending is counted, by default a flat one.
-    start: parameters of first feet, from an earlier fit. sliding: how much the solver resists gliding of the net along the
+    start: parameters of first feet, from an earlier fit. parameters: those of the points, where they are known: each point
+    is then compared with the place of its own. sliding: how much the solver resists gliding of the net along the
     sheet, which points do not see; release: by how much at most that falls while steps are as good as predicted. Both steer
-    the way, not the goal.
-    phase: what `progress` is told.
+    the way, not the goal, but a net that glides long enough fits the noise too. rtol: relative gain of the objective below
+    which a step is the last; by default where it is no more than noise gives to the free numbers, and at least 1e-5.
+    solver: an `optimistix` minimiser to use instead of Levenberg-Marquardt on normal equations, such as `optx.BFGS`; it
+    minimises the value alone and knows no `fixed`. phase: what `progress` is told.
 
     Levenberg-Marquardt on signed distances with the feet eliminated (Gauss-Newton by the envelope theorem), normal
-    equations accumulated in chunks, stepped by optimistix until a step gains less than `rtol` of the objective.
-    Raises `InputError` on points that are not finite or fewer than the shape's control points can use.
+    equations accumulated in chunks, stepped by optimistix. Differentiable in points, weights, and all of `shape` that is not
+    free, by the implicit function theorem: exact where the fit has converged, so with a small `rtol`; the scale of a robust
+    loss is held. Under `jax.jit`, `grad` and `vmap` it is silent; for many clouds see `js.fit_many`.
+    Raises `InputError` on points that are not finite or fewer than the shape's control points can use, and where what is
+    fixed cannot be kept.
     """
     points = as_float(points, shape.dtype)
     find_loss(loss)
     weights = _check(shape, points, weights, fairness, bending)
-    free_flags = free_leaves(shape, free)
-    number = lambda x: jnp.asarray(x, shape.dtype)
-    size = _diagonal(points)
-    penalty = None
-    if isinstance(shape, BSplineSurface) and free_flags[0] and not any(free_flags[1:]):
-        penalty = bending_of(shape, side_lengths(shape))
-    weight = _faint(shape) if bending is None else bending
-    if start is None:
-        start = closest_point(shape, points).parameters
-    feet = as_float(start, points.dtype).reshape(points.shape[0], -1)
+    if not 0 <= trimmed < 1:
+        raise InputError(f"`trimmed` must be a share in [0, 1), got {trimmed}.")
+    fixed = bound_to(shape, (fixed,) if callable(fixed) else tuple(fixed))
+    known = parameters is not None
+    traced = not is_concrete(shape, points, weights, start, parameters, fixed)
+    asked, given = (shape, points, weights, rest, fixed), _frozen((shape, points, weights, rest, fixed))
+    shape, points, weights, rest, fixed = given
+    if known or start is not None:
+        feet = jax.lax.stop_gradient(as_float(parameters if known else start, points.dtype))
+        if feet.size != points.shape[0] * parameter_count(shape):
+            name = "parameters" if known else "start"
+            raise InputError(f"`{name}` must hold those of {points.shape[0]} points, got shape {feet.shape}.")
+    else:
+        feet = closest_point(shape, points).parameters
+    feet = feet.reshape(points.shape[0], -1)
+    problem = posed(
+        shape,
+        points,
+        weights,
+        fairness=fairness,
+        bending=bending,
+        rest=rest,
+        free=free,
+        fixed=fixed,
+        sliding=sliding,
+        held=known,
+    )
+    if rtol is None:
+        rtol = max(1e-5, _SIGNIFICANT * unknowns_of(shape, problem.free).size / points.shape[0])
+    options = {"rtol": rtol, "max_steps": max_steps, "release": release, "phase": phase, "solver": solver}
+    options["progress"] = silent if traced else progress
     total = np.int32(0)
     found: Solved | None = None
-    for name in _rounds(loss):
-        scale = number(1) if name == "squared" else _noise(shape, points, feet, weights, name, size)
-        problem = Problem(
-            shape,
-            points,
-            weights,
-            size,
-            scale,
-            number(weight),
-            number(fairness),
-            number(sliding),
-            _rest(shape, rest, free_flags),
-            free_flags,
-            name,
-            fairness != 0,
-        )
-        solved = {"rtol": rtol, "max_steps": max_steps, "release": release, "progress": progress, "phase": phase}
+    for name, share in stages(loss, trimmed):
+        problem = staged(problem, feet, weights, name, share)
         for _ in range(_RENEWALS + 1):
-            found = solve(problem, feet, penalty, **solved)
+            found = solve(problem, feet, **options)
             shape, feet, total = _member(problem, found.theta), found.feet, total + found.steps
             was_ready = jax.tree.structure(shape)
             shape = shape.renewed()
@@ -122,44 +169,59 @@ def fit(
                 break
             # bent further than it was ready for: once more from here
             problem = eqx.tree_at(lambda p: p.shape, problem, shape)
+        problem = eqx.tree_at(lambda p: p.shape, problem, shape)
         if found is not None and found.stopped:
             break
-    foot = foot_at(shape, points, feet)
     assert found is not None
-    return Fit(shape, foot, Deviation(foot.distance), found.result, jnp.asarray(total, jnp.int32), found.stopped)
+    if traced:
+        problem = _attached(problem, *asked)
+        shape = problem.member(with_derivatives(problem, found.theta, feet))
+    elif fixed:
+        _check_kept(problem, found.theta)
+    at_feet = feet_with_derivatives if traced and not known else foot_at
+    foot = at_feet(shape, problem.points, feet)
+    deviation = Deviation(foot.distance)
+    return Fit(shape, foot, deviation, found.result, jnp.asarray(total, jnp.int32), found.stopped, problem)
+
+
+def _frozen(tree: Any) -> Any:
+    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, tree)
+
+
+def parameter_count(shape: Any) -> int:
+    """How many parameters a place on the shape has."""
+    return 1 if isinstance(shape, AbstractCurve) else 2
+
+
+def _attached(problem: Problem, shape: Any, points: Any, weights: Any, rest: Any, fixed: Any) -> Problem:
+    """The problem with the numbers that were given, which carry derivatives: all but what was free."""
+    leaves, structure = jax.tree.flatten(problem.shape)
+    given = jax.tree.leaves(shape)
+    if len(given) == len(leaves):
+        leaves = [old if free else new for old, new, free in zip(leaves, given, problem.free, strict=True)]
+    trimmed = jax.lax.stop_gradient(_safe.divide(problem.weights, jax.lax.stop_gradient(weights)))
+    known = (jax.tree.unflatten(structure, leaves), points, weights * trimmed, diagonal(points), fixed)
+    problem = eqx.tree_at(lambda p: (p.shape, p.points, p.weights, p.size, p.fixed), problem, known)
+    return problem if rest is None else eqx.tree_at(lambda p: p.rest, problem, unknowns_of(rest, problem.free))
+
+
+def _check_kept(problem: Problem, theta: Array) -> None:
+    left = np.abs(concrete(_violation(problem, theta)))
+    if left.size and not left.max() < 1e-6:
+        raise InputError(
+            f"`fixed` cannot be kept by this shape: condition {int(left.argmax()) + 1} of {left.size} is off by "
+            f"{left.max():.3g}; the conditions contradict each other, or too little is free."
+        )
 
 
 @eqx.filter_jit
-def _diagonal(points: Array) -> Float[Array, ""]:
-    """Diagonal of the points' bounding box."""
-    return jnp.sqrt(jnp.sum((jnp.max(points, axis=0) - jnp.min(points, axis=0)) ** 2))
-
-
-@eqx.filter_jit
-def _noise(shape: Any, points: Array, feet: Array, weights: Array, loss: str, size: Array) -> Float[Array, ""]:
-    """The scale of a robust loss, from the distances at hand; never 0."""
-    distance = foot_at(shape, points, feet).distance
-    return jnp.maximum(noise_scale(distance, weights) * find_loss(loss).deviations, 1e-12 * size)
-
-
-def _rest(shape: Any, rest: Any, free: tuple[bool, ...]) -> Float[Array, "P"]:
-    """Unknowns of the shape at rest."""
-    if rest is not None and jax.tree.map(jnp.shape, rest) != jax.tree.map(jnp.shape, shape):
-        raise InputError("`rest` must be a shape of the same class and sizes as `shape`; insert the knots that it lacks.")
-    return jnp.zeros_like(unknowns_of(shape, free)) if rest is None else unknowns_of(rest, free)
+def _violation(problem: Problem, theta: Array) -> Array:
+    return problem.violation(theta)
 
 
 @eqx.filter_jit
 def _member(problem: Problem, theta: Array) -> Any:
     return problem.member(theta)
-
-
-def _rounds(loss: str) -> tuple[str, ...]:
-    """A robust loss is solved in rounds with the scale found anew; one that forgets far points starts from one that
-    does not."""
-    if loss == "squared":
-        return ("squared",)
-    return ("huber", "huber", "huber") if loss == "huber" else ("huber", "huber", loss, loss)
 
 
 def _check(shape: Any, points: Array, weights: Any, fairness: float, bending: float | None) -> Float[Array, "N"]:
@@ -191,33 +253,3 @@ def check_weights(fairness: float, bending: float | None) -> None:
     """Refuse weights of penalties that are negative or not finite."""
     if not all(0 <= weight < np.inf for weight in (fairness, bending or 0)):
         raise InputError(f"`fairness` and `bending` must be ≥ 0, got {fairness} and {bending}.")
-
-
-def _faint(shape: Any) -> float:
-    """A bending weight that takes 10⁻⁴ off a ripple of two spans' wavelength (attenuation = α (π · spans)⁴).
-
-    On a 6 × 6 net and 600 points with noise the surface is then 0.3 of the noise off; at 10⁻⁶ the net folds into the
-    noise and is up to 1.7 of it off, at 10⁻² exact points are missed by 3·10⁻⁴ of the sheet's size.
-    """
-    if isinstance(shape, QICurve | QISurface):
-        return (
-            1e-7  # of the sum of squared turns; without it neighbours on bunny_back drift to 180° apart for 8 % of the rms
-        )
-    if not isinstance(shape, BSplineSurface):
-        return 0.0
-    return faint_bending(max(shape.control_points.shape[:2]), 1e-4)
-
-
-def faint_bending(count: int, attenuation: float) -> float:
-    """The bending weight that takes the share `attenuation` off the shortest ripple that `count` control points carry."""
-    return attenuation / (np.pi * count) ** 4
-
-
-@eqx.filter_jit
-def side_lengths(surface: AbstractSurface) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Mean lengths of the u-lines and of the v-lines, from a coarse grid."""
-    (a, b), (c, d) = surface.domain
-    share = jnp.linspace(0, 1, 17, dtype=surface.dtype)
-    grid = jax.lax.stop_gradient(surface.grid_points(a + (b - a) * share, c + (d - c) * share))
-    length = lambda axis: jnp.mean(jnp.sum(jnp.sqrt(jnp.sum(jnp.diff(grid, axis=axis) ** 2, -1)), axis=axis))
-    return length(0), length(1)

@@ -3,42 +3,67 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..query import refine_feet
+from ..query import feet_with_derivatives, foot_at, refine_feet
 from ._background import background_terms
 from ._fairness import fairness_terms
-from ._normal_equations import accumulate
-from ._problem import Problem, linearise
+from ._normal_equations import Quadratic, accumulate
+from ._problem import Linearised, Problem, linearise
 
 
-def evaluate(
-    problem: Problem, theta: Float[Array, "P"], feet: Float[Array, "N k"], penalty: Float[Array, "q q"] | None
-) -> tuple[Float[Array, ""], Float[Array, "P"], Float[Array, "P P"], Float[Array, "N k"]]:
-    """Value, gradient, Gauss-Newton matrix at θ, and the feet there, refined from `feet`.
+def evaluate(problem: Problem, theta: Float[Array, "P"], feet: Float[Array, "N k"]) -> tuple[Quadratic, Float[Array, "N k"]]:
+    """Value, gradient and Gauss-Newton matrix at θ, and the feet there, refined from `feet`.
 
-    penalty: the bending matrix of the control points or `None`. Values have no unit: mean squared distance over size².
+    Values have no unit: mean squared distance over size².
     """
+    data, feet = data_terms(problem, theta, feet)
+    return data + penalty_terms(problem, theta), feet
+
+
+def data_terms(
+    problem: Problem, theta: Float[Array, "P"], feet: Float[Array, "N k"]
+) -> tuple[Quadratic, Float[Array, "N k"]]:
+    """What the points contribute, and their feet."""
     shape = problem.member(theta)
-    feet = refine_feet(shape, problem.points, feet)
-    lines = linearise(shape, feet, problem.points, problem.sliding)
+    if problem.held:
+        offset = foot_at(shape, problem.points, feet).points - problem.points
+        d = offset.shape[1]
+        lines = Linearised(offset, jnp.broadcast_to(jnp.eye(d, dtype=offset.dtype)[None], (offset.shape[0], d, d)))
+    else:
+        feet = refine_feet(shape, problem.points, feet)
+        lines = linearise(shape, feet, problem.points, problem.sliding)
     distance = jnp.sqrt(jnp.sum(lines.offset**2, axis=-1))
     weights, value = problem.point_weights(distance)
-    gradient, matrix = accumulate(shape, problem, feet, lines, weights)
-    if penalty is not None:
-        # the net is the first leaf: rows of θ are control points, coordinates innermost
-        scaled = problem.bending / problem.size**2 * penalty
-        net = (theta - problem.rest).reshape(penalty.shape[0], -1)
-        pull = scaled @ net
-        value = value + 0.5 * jnp.sum(net * pull)
-        gradient = gradient + pull.reshape(-1)
-        d = net.shape[1]
-        blocks = matrix.reshape(net.shape[0], d, net.shape[0], d)
-        for axis in range(d):
-            blocks = blocks.at[:, axis, :, axis].add(scaled)
-        matrix = blocks.reshape(matrix.shape)
+    return Quadratic(value, *accumulate(shape, problem, feet, lines, weights)), feet
+
+
+def penalty_terms(problem: Problem, theta: Float[Array, "P"]) -> Quadratic:
+    """What bending and fairness contribute."""
+    total = Quadratic(jnp.zeros((), theta.dtype), jnp.zeros_like(theta), jnp.zeros((theta.size, theta.size), theta.dtype))
+    if problem.penalty is not None:
+        total = total + _bending_terms(problem, theta)
     background = background_terms(problem, theta)
     if background is not None:
-        value, gradient, matrix = (a + b for a, b in zip((value, gradient, matrix), background, strict=True))
+        total = total + Quadratic(*background)
     if problem.fair:
-        more_value, more_gradient, more_matrix = fairness_terms(shape, problem)
-        value, gradient, matrix = value + more_value, gradient + more_gradient, matrix + more_matrix
-    return value, gradient, matrix, feet
+        total = total + Quadratic(*fairness_terms(problem.member(theta), problem))
+    return total
+
+
+def _bending_terms(problem: Problem, theta: Float[Array, "P"]) -> Quadratic:
+    # the control points are the first leaf: rows of θ are points, coordinates innermost
+    scaled = problem.bending / problem.size**2 * problem.penalty
+    count, d = scaled.shape[0], problem.points.shape[1]
+    net = (theta - problem.rest)[: count * d].reshape(count, d)
+    pull = scaled @ net
+    blocks = jnp.einsum("ij,xy->ixjy", scaled, jnp.eye(d, dtype=theta.dtype)).reshape(count * d, count * d)
+    more = theta.size - count * d
+    return Quadratic(0.5 * jnp.sum(net * pull), jnp.pad(pull.reshape(-1), (0, more)), jnp.pad(blocks, (0, more)))
+
+
+def objective(problem: Problem, theta: Float[Array, "P"], feet: Float[Array, "N k"]) -> Float[Array, ""]:
+    """The value alone at the converged `feet`, to be differentiated twice in θ and in everything that the problem holds."""
+    shape = problem.member(theta)
+    at_feet = foot_at if problem.held else feet_with_derivatives
+    offset = at_feet(shape, problem.points, feet).points - problem.points
+    # the distance itself has no derivative at 0, its square has
+    return problem.loss_of(jnp.sum(offset**2, axis=-1)) + penalty_terms(problem, theta).value

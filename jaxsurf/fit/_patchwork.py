@@ -18,7 +18,7 @@ from ..surface import BSplineSurface
 from ._arrangement import side_points
 from ._bending import bending_terms
 from ._cloud import row_products
-from ._fit import faint_bending, side_lengths
+from ._pose import faint_bending, side_lengths
 
 _ATTENUATION = 0.1  # share of the shortest ripple of the net that the background bending takes away, as in `fit_cloud`
 _SLIDING = 0.1  # keeps the isolines of the bridges even

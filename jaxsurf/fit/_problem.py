@@ -21,7 +21,9 @@ class Problem(eqx.Module):
     The unknowns θ are the free leaves, flattened in order; `shape` holds their start and all that is fixed. The objective
     is ½ Σ w s² ρ(d²/s²) / (size² Σ w) plus half the penalties, d the distance to the foot point, and so without unit.
     weights: (N,) ≥ 0; scale: s of the loss; bending and fairness: weights of the two penalties; sliding: see
-    `linearise`; rest: the θ at which nothing is bent, 0 for a flat sheet.
+    `linearise`; rest: the θ at which nothing is bent, 0 for a flat sheet; penalty: the bending matrix of the control
+    points, which are the first leaf, or `None`; fixed: functions of the shape that are to vanish; held: whether points
+    belong to known parameters, so that feet stay where they are.
     """
 
     shape: Any
@@ -33,9 +35,12 @@ class Problem(eqx.Module):
     fairness: Float[Array, ""]
     sliding: Float[Array, ""]
     rest: Float[Array, "P"]
+    penalty: Float[Array, "q q"] | None
+    fixed: tuple[Callable[[Any], Any], ...]
     free: tuple[bool, ...] = eqx.field(static=True)
     loss: str = eqx.field(static=True)
     fair: bool = eqx.field(static=True)
+    held: bool = eqx.field(static=True, default=False)
 
     def unknowns(self, shape: Any = None) -> Float[Array, "P"]:
         """θ of `shape`, by default of the start."""
@@ -50,15 +55,24 @@ class Problem(eqx.Module):
             at += leaf.size if free else 0
         return jax.tree.unflatten(structure, filled)
 
+    def violation(self, theta: Float[Array, "P"]) -> Float[Array, "k"]:
+        """How far the shape is from what is fixed, 0 where that is kept; lengths are measured by the size."""
+        shape = self.member(theta)
+        return jnp.concatenate([jnp.ravel(rows(shape)) for rows in self.fixed])
+
     def point_weights(self, distance: Float[Array, "N"]) -> tuple[Float[Array, "N"], Float[Array, ""]]:
         """Weights of the points in the normal equations, and the data term of the objective."""
         loss: Loss = LOSSES[self.loss]
-        unit = self.size**2 * jnp.sum(self.weights)
-        if self.loss == "squared":
-            return self.weights / unit, 0.5 * jnp.sum(self.weights * distance**2) / unit
         z = (distance / self.scale) ** 2
-        value = 0.5 * jnp.sum(self.weights * self.scale**2 * loss.value(z)) / unit
-        return self.weights * loss.weight(z) / unit, value
+        return self.weights * loss.weight(z) / self._unit(), self.loss_of(distance**2)
+
+    def loss_of(self, square: Float[Array, "N"]) -> Float[Array, ""]:
+        """The data term of the objective by the squared distances."""
+        loss: Loss = LOSSES[self.loss]
+        return 0.5 * jnp.sum(self.weights * self.scale**2 * loss.value(square / self.scale**2)) / self._unit()
+
+    def _unit(self) -> Float[Array, ""]:
+        return self.size**2 * jnp.sum(self.weights)
 
 
 def unknowns_of(shape: Any, free: tuple[bool, ...]) -> Float[Array, "P"]:
@@ -110,11 +124,17 @@ def linearise(
         point, tangents = value_and_tangents(shape, t)
         held = held_parameters(shape, t, (point - p) @ tangents)
         moving = jnp.where(held[None, :], 0, tangents)
-        normal = jnp.eye(d, dtype=p.dtype)
-        for i in range(k):
-            q = _safe.unit(normal @ moving[:, i])
-            normal = normal - q[:, None] * q[None, :]
+        normal = across(moving)
         along = jnp.eye(d, dtype=p.dtype) - normal
         return Linearised(point - p, normal + jnp.sqrt(sliding) * along)
 
     return map_points(one, shape, *parameters.T, *points.T)
+
+
+def across(tangents: Float[Array, "d k"]) -> Float[Array, "d d"]:
+    """The projector onto what is orthogonal to the columns; columns of zeros do not count."""
+    normal = jnp.eye(tangents.shape[0], dtype=tangents.dtype)
+    for i in range(tangents.shape[1]):
+        q = _safe.unit(normal @ tangents[:, i])
+        normal = normal - q[:, None] * q[None, :]
+    return normal

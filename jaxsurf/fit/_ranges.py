@@ -18,8 +18,8 @@ from ._align import Alignment, align as fitted_to
 from ._arrangement import Meeting, arranged, cut_apart
 from ._cloud import CloudFit, Watched, fit_cloud
 from ._deviation import Deviation
-from ._fit import side_lengths
 from ._patchwork import Bands, fitted_bridges, jumps, patchwork
+from ._pose import side_lengths
 
 _SPACINGS = 3.0  # reach, in spacings of the points
 _ALIGN = 0.02  # of the size: how far apart ranges may be before they are aligned

@@ -12,8 +12,12 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
 from .._progress import Event, Progress, silent
-from ._objective import evaluate
+from ..query import refine_feet
+from ._constrained import onto, restored
+from ._objective import evaluate, objective
 from ._problem import Problem
+
+_SHORT = 1e-2  # step size from which on a step is nearly Gauss-Newton's
 
 EvalGradHessian = optx.FunctionInfo.EvalGradHessian
 
@@ -25,7 +29,7 @@ class _State(eqx.Module):
     search: Any
     info: EvalGradHessian
     feet: Float[Array, "N k"]
-    descent: Any
+    normals: Float[Array, "c P"]
     done: Bool[Array, ""]
     result: Any
 
@@ -33,34 +37,39 @@ class _State(eqx.Module):
 class MarquardtDescent(optx.AbstractDescent):
     """−(H + λD)⁻¹ g with λ = `damping` / step size, D = diag(H) and a floor of 10⁻⁶ of its mean.
 
-    Marquardt's scaling makes the step independent of units and of the point density.
+    Marquardt's scaling makes the step independent of units and of the point density. The state may hold rows that the step
+    must not leave: it is then the least one, in the metric of the matrix, that is orthogonal to them.
     """
 
     damping: float = 1e-4
 
-    def init(self, y: Any, f_info_struct: Any) -> EvalGradHessian:
-        return jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), f_info_struct)
+    def init(self, y: Any, f_info_struct: Any) -> Any:
+        return jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), f_info_struct), jnp.zeros((0, y.size), y.dtype)
 
-    def query(self, y: Any, f_info: Any, state: Any) -> EvalGradHessian:
-        return f_info
+    def query(self, y: Any, f_info: Any, state: Any) -> Any:
+        return f_info, state[1]
 
     def step(self, step_size: Any, state: Any) -> tuple[Any, Any]:
-        matrix = state.hessian.matrix
+        info, normals = state
+        matrix = info.hessian.matrix
         diagonal = jnp.diag(matrix)
         floor = 1e-6 * jnp.mean(diagonal) + jnp.finfo(diagonal.dtype).tiny
         damped = matrix + jnp.diag(self.damping / step_size * (diagonal + floor) + 1e-9 * floor)
         operator = lx.MatrixLinearOperator(damped, lx.positive_semidefinite_tag)
-        solution = lx.linear_solve(operator, state.grad, lx.Cholesky(), throw=False)
-        return -solution.value, optx.RESULTS.promote(solution.result)
+        factored = lx.Cholesky().init(operator, {})
+        inverse = lambda x: lx.linear_solve(operator, x, lx.Cholesky(), state=factored, throw=False)
+        solution = inverse(info.grad)
+        free = onto(normals, lambda x: inverse(x).value, solution.value)
+        return -free, optx.RESULTS.promote(solution.result)
 
 
 class NormalEquationsSolver(optx.AbstractMinimiser):
     """Minimise an objective whose value, gradient and Gauss-Newton matrix come from one pass over the points.
 
-    `fn(θ, (problem, feet, penalty))` gives the value and (gradient, matrix, feet); the pass starts the feet of a trial θ
-    from those of the last accepted one. It ends when an accepted step has lowered the value by less than `rtol` of it, or
-    when steps are refused at a step size below 10⁻⁹. release: by how much at most the resistance to gliding falls while
-    steps are as good as was predicted.
+    `fn(θ, (problem, feet))` gives the value and (gradient, matrix, feet); the pass starts the feet of a trial θ from those
+    of the last accepted one. It ends when an accepted step has lowered the value by less than `rtol` of it, or when steps
+    are refused at a step size below 10⁻⁹. release: by how much at most the resistance to gliding falls while steps are as
+    good as was predicted. What the problem holds fixed is kept by every trial.
     """
 
     rtol: Any
@@ -71,42 +80,46 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
     search: optx.ClassicalTrustRegion = optx.ClassicalTrustRegion(high_cutoff=0.75, low_cutoff=0.01)
 
     def init(self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any, aux_struct: Any, tags: Any) -> _State:
-        _, feet, _ = args
+        problem, feet = args
         info = EvalGradHessian(
             jnp.zeros((), y.dtype),
             jnp.zeros_like(y),
             lx.MatrixLinearOperator(jnp.zeros((y.size, y.size), y.dtype), lx.positive_semidefinite_tag),
         )
         struct = eqx.filter_eval_shape(lambda: info)
+        trial, normals = restored(problem, y)
         return _State(
             first_step=jnp.asarray(True),
             step_size=jnp.ones((), y.dtype),
-            trial=y,
+            trial=trial,
             search=jax.tree.map(lambda x: x.astype(y.dtype), self.search.init(y, struct)),
             info=info,
             feet=feet,
-            descent=info,
+            normals=normals,
             done=jnp.asarray(False),
             result=optx.RESULTS.successful,
         )
 
     def step(self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any) -> tuple[Any, _State, Any]:
-        problem, _, penalty = args
+        problem = args[0]
         free = problem.sliding / jnp.clip(state.step_size, 1, self.release)
-        problem = eqx.tree_at(lambda p: p.sliding, problem, free)
-        value, (gradient, matrix, feet) = fn(state.trial, (problem, state.feet, penalty))
+        value, (gradient, matrix, feet) = fn(state.trial, (eqx.tree_at(lambda p: p.sliding, problem, free), state.feet))
         trial_info = EvalGradHessian(value, gradient, lx.MatrixLinearOperator(matrix, lx.positive_semidefinite_tag))
         step_size, accept, search_result, search = self.search.step(
             state.first_step, y, state.trial, state.info, trial_info, state.search
         )
         gain = state.info.f - value
-        small = (gain <= self.rtol * state.info.f + self.atol) & ~state.first_step
+        # a short step, held back after refused ones, gains little without being near the end
+        whole = ~state.first_step & (state.step_size >= _SHORT)
+        small = (gain <= self.rtol * state.info.f + self.atol) & whole
         pick = lambda a, b: jax.tree.map(lambda x, z: jnp.where(accept, x, z), a, b)
         y, info, feet = pick(state.trial, y), pick(trial_info, state.info), pick(feet, state.feet)
-        step, descent_result = self.descent.step(step_size, info)
+        normals = pick(restored(problem, y, rounds=0)[1], state.normals) if problem.fixed else state.normals
+        step, descent_result = self.descent.step(step_size, (info, normals))
         done = jnp.where(accept, small, step_size < 1e-9)
         result = optx.RESULTS.where(search_result == optx.RESULTS.successful, descent_result, search_result)
-        state = _State(jnp.asarray(False), step_size, y + step, search, info, feet, info, done, result)
+        trial = restored(problem, y + step)[0]
+        state = _State(jnp.asarray(False), step_size, trial, search, info, feet, normals, done, result)
         return y, state, (info.grad, info.hessian.matrix, feet)
 
     def terminate(self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any) -> tuple[Any, Any]:
@@ -131,24 +144,26 @@ class Solved(eqx.Module):
 def solve(
     problem: Problem,
     feet: Float[Array, "N k"],
-    penalty: Any,
     *,
     rtol: float,
     max_steps: int,
     release: float = 1.0,
+    solver: optx.AbstractMinimiser | None = None,
     progress: Progress = silent,
     phase: str = "fit",
 ) -> Solved:
-    """Minimise the problem's objective from its start.
+    """Minimise the problem's objective from its start; by another `solver` from values alone.
 
     Silent work is one compiled `optimistix.minimise`; with a `progress` that shows or stops, the same solver is stepped
     from outside.
     """
     # arrays, not floats: another tolerance must not compile again
     known = lambda x: jnp.asarray(x, problem.points.dtype)
+    if solver is not None:
+        return _by_values(problem, feet, solver, max_steps)
     solver = NormalEquationsSolver(rtol=known(rtol), atol=0.0, release=known(release))
     theta = problem.unknowns()
-    args = (problem, feet, penalty)
+    args = (problem, feet)
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
         if progress is silent:
             found = optx.minimise(_objective, solver, theta, args, has_aux=True, max_steps=max_steps, throw=False)
@@ -156,10 +171,22 @@ def solve(
         return _stepwise(solver, theta, args, max_steps, progress, phase)
 
 
+@eqx.filter_jit
+def _by_values(problem: Problem, feet: Float[Array, "N k"], solver: Any, max_steps: int) -> Solved:
+    """Any minimiser of optimistix, the feet of every trial refined from the first ones."""
+
+    def feet_of(theta: Float[Array, "P"]) -> Float[Array, "N k"]:
+        return feet if problem.held else refine_feet(problem.member(theta), problem.points, feet)
+
+    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        value = lambda theta, _: objective(problem, theta, feet_of(theta))
+        found = optx.minimise(value, solver, problem.unknowns(), max_steps=max_steps, throw=False)
+    return Solved(found.value, feet_of(found.value), found.stats["num_steps"], found.result)
+
+
 def _objective(theta: Float[Array, "P"], args: Any) -> tuple[Float[Array, ""], Any]:
-    problem, feet, penalty = args
-    value, *rest = evaluate(problem, theta, feet, penalty)
-    return value, tuple(rest)
+    (value, *rest), feet = evaluate(args[0], theta, args[1])
+    return value, (*rest, feet)
 
 
 def _stepwise(

@@ -94,6 +94,12 @@ def _feet(
 ) -> Foot:
     frozen = jax.lax.stop_gradient((shape, points))
     parameters = descend(*frozen, starts, chosen, wanted, _scale(shape))
+    return feet_with_derivatives(shape, points, parameters)
+
+
+@eqx.filter_jit
+def feet_with_derivatives(shape: Any, points: Float[Array, "N d"], parameters: Float[Array, "N k"]) -> Foot:
+    """The feet at converged parameters, differentiable like those of `closest_point`."""
     d = points.shape[1]
     finish = lambda shape, *row: _foot(shape, jnp.stack(row[:d]), jnp.stack(row[d:]))
     return map_points(finish, shape, *points.T, *parameters.T)

@@ -58,6 +58,8 @@ def descend(
     owners = chosen.shape[1]
     lanes = min(searches, _LANES)
     box = parameter_box(shape)
+    if owners == 1 and searches <= _LANES:
+        return _descend_abreast(shape, points, starts[chosen[:, 0]], box, scale)
     order = jnp.nonzero(wanted.reshape(-1), size=searches, fill_value=searches)[0].astype(jnp.int32)
     count = jnp.sum(wanted, dtype=jnp.int32)
     look = jax.vmap(lambda lane, p: _turn(shape, lane, p, box, scale))
@@ -89,6 +91,21 @@ def descend(
     state = (take_up(search), search, jnp.minimum(count, lanes), starts[chosen[:, 0]], least)
     found = jax.lax.while_loop(going, turn, state)[3]
     return jax.vmap(lambda t: _wrapped(t, box))(found)
+
+
+def _descend_abreast(
+    shape: Any, points: Float[Array, "N d"], starts: Float[Array, "N k"], box: Box, scale: Scale
+) -> Float[Array, "N k"]:
+    """One search for each point, all side by side; with so few the queue would cost more than it saves."""
+
+    def turn(state: tuple[_Lane, Bool[Array, "N"]]) -> tuple[_Lane, Bool[Array, "N"]]:
+        lane, done = state
+        moved, ended = jax.vmap(lambda lane, p: _turn(shape, lane, p, box, scale))(lane, points)
+        return jax.tree.map(lambda new, old: _where(done, old, new), moved, lane), done | ended
+
+    begun = jax.vmap(lambda t: _begin(t, scale))(starts), jnp.zeros(starts.shape[0], bool)
+    lane, _ = jax.lax.while_loop(lambda state: ~jnp.all(state[1]), turn, begun)
+    return jax.vmap(lambda t: _wrapped(t, box))(lane.best)
 
 
 def _wrapped(t: Float[Array, "k"], box: Box) -> Float[Array, "k"]:

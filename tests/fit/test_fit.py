@@ -157,7 +157,7 @@ def test_a_closed_curve_is_found_again_from_exact_points():
     points = np.asarray(curve(np.random.default_rng(1).uniform(2, 5, 300)))
     net = np.asarray(curve.control_points) * 1.05
     start = js.BSplineCurve(net, curve.knots, 3, periodic=True)
-    found = js.fit(start, points, sliding=0.0, rtol=1e-12)
+    found = js.fit(start, points, bending=0.0, sliding=0.0, rtol=1e-12)
     assert found.deviation.max < 1e-8
     assert js.closest_point(found.shape, curve(np.linspace(2, 5, 100))).distance.max() < 1e-8
 
