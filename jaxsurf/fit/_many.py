@@ -44,9 +44,7 @@ def fit_many(
             raise InputError(f"`fit_many` takes no `{name}`; leave it out, or fit the clouds one by one with `fit`.")
     free = options.pop("free", None)
     if stacked and any(x.shape[:1] != points.shape[:1] for x in jax.tree.leaves(eqx.filter(shape, eqx.is_array))):
-        raise InputError(
-            f"With `stacked=True` every array of `shape` must have {points.shape[0]} entries, one for each cloud."
-        )
+        raise InputError(f"With `stacked=True` every array of `shape` must have {points.shape[0]} entries, one a cloud.")
     return _fit_many(shape, points, weights, stacked, free, options)
 
 

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._prepared import prepare
@@ -13,8 +14,11 @@ from ..basis import BSplineBasis
 from ..surface import BSplineSurface
 from ._problem import Linearised, Problem
 
-_BLOCK = 16  # points of one knot cell that are multiplied together
-_GROUP = 256  # blocks, or points of a shape without structure, worked on at once
+_BLOCKS = (8, 64)  # least and most points of one knot cell that are multiplied together
+_GROUP = 4096  # points worked on at once; of a shape without structure
+_CHUNK = 256
+_UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])  # the numbers of a symmetric matrix
+_WHOLE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # and where they stand in it
 
 
 class Quadratic(NamedTuple):
@@ -44,10 +48,10 @@ def accumulate(
     jacobian_at = derivatives_by_unknowns(problem, problem.unknowns(shape), place)
     theta = problem.unknowns(shape)
     count = parameters.shape[0]
-    groups = -(-count // _GROUP)
-    pad = lambda x: jnp.pad(x, [(0, groups * _GROUP - count)] + [(0, 0)] * (x.ndim - 1), mode="edge")
-    grouped = lambda x: pad(x).reshape(groups, _GROUP, *x.shape[1:])
-    counted = jnp.pad(weights, (0, groups * _GROUP - count)).reshape(groups, _GROUP)
+    groups = -(-count // _CHUNK)
+    pad = lambda x: jnp.pad(x, [(0, groups * _CHUNK - count)] + [(0, 0)] * (x.ndim - 1), mode="edge")
+    grouped = lambda x: pad(x).reshape(groups, _CHUNK, *x.shape[1:])
+    counted = jnp.pad(weights, (0, groups * _CHUNK - count)).reshape(groups, _CHUNK)
 
     def add(sums: tuple[Array, Array], chunk: Any) -> tuple[tuple[Array, Array], None]:
         t, offset, root, w = chunk
@@ -95,29 +99,42 @@ def _(
     """A B-spline net: points are sorted by knot cell, and each cell's dense block is a batch of small products."""
     if problem.free != (True, False, False):
         return accumulate.dispatch(object)(shape, problem, parameters, lines, weights)
+    # of each point the symmetric 3 × 3 metric w RᵀR, six numbers, and the pull w Rᵀ (S − p) on the control points
+    weighed = weights[:, None, None] * lines.root
+    metric = [jnp.sum(lines.root[:, :, i] * weighed[:, :, j], axis=1) for i, j in zip(*_UPPER, strict=True)]
+    pull = jnp.sum(weighed * lines.offset[:, :, None], axis=1)
+    numbers = jnp.concatenate([jnp.stack(metric, axis=1), pull], axis=1)
+    return _by_cells(shape, parameters, numbers)
+
+
+def _products(values: Float[Array, "k q"], numbers: Float[Array, "k 9"]) -> tuple[Float[Array, "q 3"], Float[Array, "q r"]]:
+    """Σ_k values_kp numbers_kx of the last three numbers, and Σ_k values_kp values_kq numbers_kx of the first six."""
+    weighed = (values[:, :, None] * numbers[:, None, :6]).reshape(values.shape[0], -1)
+    return values.T @ numbers[:, 6:], values.T @ weighed
+
+
+def _by_cells(
+    shape: BSplineSurface, parameters: Float[Array, "N 2"], numbers: Float[Array, "N 9"]
+) -> tuple[Float[Array, "P"], Float[Array, "P P"]]:
     cells = KnotCells(shape)
     first_u, first_v = (
         jax.vmap(lambda t, b=basis: b.local(t)[0])(parameters[:, i]) for i, basis in enumerate((cells.u, cells.v))
     )
     slots, block_cell = _sort_into_blocks(first_u * cells.count_v + first_v, cells.count)
     gather = lambda x: jnp.concatenate([x, jnp.zeros_like(x[:1])])[slots]
-    chunks = (gather(parameters), gather(lines.offset), gather(lines.root), gather(weights), block_cell)
+    terms, dtype = cells.terms, parameters.dtype
 
     def add(sums: tuple[Array, Array], chunk: Any) -> tuple[tuple[Array, Array], None]:
-        t, offset, root, w, cell = chunk
+        t, numbers, cell = chunk
         values = jax.vmap(jax.vmap(cells.values))(t[..., 0], t[..., 1])  # (group, block, terms)
-        jacobian = jnp.einsum("gk,gki,gkab->gkaib", jnp.sqrt(w), values, root)
-        jacobian = jacobian.reshape(*jacobian.shape[:1], -1, 3 * values.shape[-1])
-        residual = (jnp.sqrt(w)[..., None] * offset).reshape(jacobian.shape[0], -1)
-        gradient = jnp.einsum("grp,gr->gp", jacobian, residual)
-        matrix = jnp.einsum("grp,grq->gpq", jacobian, jacobian)
+        gradient, matrix = jax.vmap(_products)(values, numbers)
         return (sums[0].at[cell].add(gradient), sums[1].at[cell].add(matrix)), None
 
-    terms = 3 * cells.terms
-    dtype = parameters.dtype
-    zero = (jnp.zeros((cells.count, terms), dtype), jnp.zeros((cells.count, terms, terms), dtype))
-    gradient, matrix = jax.lax.scan(add, zero, chunks)[0]
-    return cells.scatter(gradient, matrix)
+    zero = (jnp.zeros((cells.count, terms, 3), dtype), jnp.zeros((cells.count, terms, 6 * terms), dtype))
+    gradient, matrix = jax.lax.scan(add, zero, (gather(parameters), gather(numbers), block_cell))[0]
+    matrix = matrix.reshape(cells.count, terms, terms, 6)[..., _WHOLE]  # cell, i, j, a, b
+    matrix = jnp.swapaxes(matrix, 2, 3).reshape(cells.count, 3 * terms, 3 * terms)
+    return cells.scatter(gradient.reshape(cells.count, -1), matrix)
 
 
 class KnotCells:
@@ -164,17 +181,19 @@ def _spans(basis: BSplineBasis) -> int:
 def _sort_into_blocks(
     cell: Int[Array, "N"], count: int
 ) -> tuple[Int[Array, "groups group block"], Int[Array, "groups group"]]:
-    """Slots for the points, `_BLOCK` at a time of one cell; empty slots hold N. And the cell of each block."""
+    """Slots for the points, a block of them of one cell; empty slots hold N. And the cell of each block."""
     total = cell.shape[0]
-    blocks = -(-(total + count * (_BLOCK - 1)) // _BLOCK)
-    blocks = -(-blocks // _GROUP) * _GROUP if blocks > _GROUP else blocks
+    # half a block is empty in each cell
+    block = int(np.clip(2 ** np.round(np.log2(max(total / count, 1) / 2)), *_BLOCKS))
+    blocks = -(-(total + count * (block - 1)) // block)
+    group = max(1, min(_GROUP // block, blocks))
+    blocks = -(-blocks // group) * group
     order = jnp.argsort(cell).astype(jnp.int32)
     counts = jnp.zeros(count, jnp.int32).at[cell].add(1)
-    reserved = (counts + _BLOCK - 1) // _BLOCK * _BLOCK
+    reserved = (counts + block - 1) // block * block
     ordered = cell[order]
     rank = jnp.arange(total, dtype=jnp.int32) - (jnp.cumsum(counts) - counts)[ordered]
     slot = (jnp.cumsum(reserved) - reserved)[ordered] + rank
-    slots = jnp.full(blocks * _BLOCK, total, jnp.int32).at[slot].set(order)
-    block_cell = jnp.zeros(blocks, jnp.int32).at[slot // _BLOCK].set(ordered.astype(jnp.int32))
-    group = min(_GROUP, blocks)
-    return slots.reshape(-1, group, _BLOCK), block_cell.reshape(-1, group)
+    slots = jnp.full(blocks * block, total, jnp.int32).at[slot].set(order)
+    block_cell = jnp.zeros(blocks, jnp.int32).at[slot // block].set(ordered.astype(jnp.int32))
+    return slots.reshape(-1, group, block), block_cell.reshape(-1, group)
