@@ -124,13 +124,12 @@ def fit(
     """
     points = as_float(points, shape.dtype)
     find_loss(loss)
-    weights = _check(shape, points, weights, fairness, bending)
-    if not 0 <= trimmed < 1:
-        raise InputError(f"`trimmed` must be a share in [0, 1), got {trimmed}.")
+    weights = _check(shape, points, weights)
+    check_options(fairness, bending, trimmed)
     fixed = bound_to(shape, (fixed,) if callable(fixed) else tuple(fixed))
     known = parameters is not None
     traced = not is_concrete(shape, points, weights, start, parameters, fixed)
-    asked, given = (shape, points, weights, rest, fixed), _frozen((shape, points, weights, rest, fixed))
+    asked, given = (shape, points, weights, rest, fixed), frozen((shape, points, weights, rest, fixed))
     shape, points, weights, rest, fixed = given
     if known or start is not None:
         feet = jax.lax.stop_gradient(as_float(parameters if known else start, points.dtype))
@@ -153,7 +152,7 @@ def fit(
         held=known,
     )
     if rtol is None:
-        rtol = max(1e-5, _SIGNIFICANT * unknowns_of(shape, problem.free).size / points.shape[0])
+        rtol = usual_tolerance(unknowns_of(shape, problem.free).size, points.shape[0])
     options = {"rtol": rtol, "max_steps": max_steps, "release": release, "phase": phase, "solver": solver}
     options["progress"] = silent if traced else progress
     total = np.int32(0)
@@ -174,7 +173,7 @@ def fit(
             break
     assert found is not None
     if traced:
-        problem = _attached(problem, *asked)
+        problem = attached(problem, *asked)
         shape = problem.member(with_derivatives(problem, found.theta, feet))
     elif fixed:
         _check_kept(problem, found.theta)
@@ -184,7 +183,8 @@ def fit(
     return Fit(shape, foot, deviation, found.result, jnp.asarray(total, jnp.int32), found.stopped, problem)
 
 
-def _frozen(tree: Any) -> Any:
+def frozen(tree: Any) -> Any:
+    """The same numbers, without derivatives."""
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, tree)
 
 
@@ -193,15 +193,17 @@ def parameter_count(shape: Any) -> int:
     return 1 if isinstance(shape, AbstractCurve) else 2
 
 
-def _attached(problem: Problem, shape: Any, points: Any, weights: Any, rest: Any, fixed: Any) -> Problem:
+def attached(problem: Problem, shape: Any, points: Any, weights: Any, rest: Any = None, fixed: Any = None) -> Problem:
     """The problem with the numbers that were given, which carry derivatives: all but what was free."""
     leaves, structure = jax.tree.flatten(problem.shape)
     given = jax.tree.leaves(shape)
     if len(given) == len(leaves):
         leaves = [old if free else new for old, new, free in zip(leaves, given, problem.free, strict=True)]
     trimmed = jax.lax.stop_gradient(_safe.divide(problem.weights, jax.lax.stop_gradient(weights)))
-    known = (jax.tree.unflatten(structure, leaves), points, weights * trimmed, diagonal(points), fixed)
-    problem = eqx.tree_at(lambda p: (p.shape, p.points, p.weights, p.size, p.fixed), problem, known)
+    known = (jax.tree.unflatten(structure, leaves), points, weights * trimmed, diagonal(points))
+    problem = eqx.tree_at(lambda p: (p.shape, p.points, p.weights, p.size), problem, known)
+    if fixed:
+        problem = eqx.tree_at(lambda p: p.fixed, problem, fixed)
     return problem if rest is None else eqx.tree_at(lambda p: p.rest, problem, unknowns_of(rest, problem.free))
 
 
@@ -224,13 +226,12 @@ def _member(problem: Problem, theta: Array) -> Any:
     return problem.member(theta)
 
 
-def _check(shape: Any, points: Array, weights: Any, fairness: float, bending: float | None) -> Float[Array, "N"]:
+def _check(shape: Any, points: Array, weights: Any) -> Float[Array, "N"]:
     if points.ndim != 2:
         raise InputError(f"`points` must have shape (N, 3), got {points.shape}.")
     if is_concrete(points) and not np.all(np.isfinite(concrete(points))):
         row = int(np.argmin(np.all(np.isfinite(concrete(points)), axis=1)))
         raise InputError(f"`points` must be finite, but point {row + 1} is {concrete(points)[row]}; remove it.")
-    check_weights(fairness, bending)
     for kind, controls, name in ((BSplineSurface, "control_points", "control points"), (QISurface, "tangents", "tangents")):
         if isinstance(shape, kind):
             n, m = getattr(shape, controls).shape[:2]
@@ -247,6 +248,18 @@ def _check(shape: Any, points: Array, weights: Any, fairness: float, bending: fl
     if is_concrete(weights) and not (np.all(concrete(weights) >= 0) and np.any(concrete(weights) > 0)):
         raise InputError("`weights` must be ≥ 0 and not all 0.")
     return weights
+
+
+def usual_tolerance(numbers: int, points: int) -> float:
+    """The relative gain of a step that so many free numbers owe to the noise of the points; smaller ones mean nothing."""
+    return max(1e-5, _SIGNIFICANT * numbers / points)
+
+
+def check_options(fairness: float, bending: float | None, trimmed: float) -> None:
+    """Refuse penalties and shares out of range."""
+    check_weights(fairness, bending)
+    if not 0 <= trimmed < 1:
+        raise InputError(f"`trimmed` must be a share in [0, 1), got {trimmed}.")
 
 
 def check_weights(fairness: float, bending: float | None) -> None:

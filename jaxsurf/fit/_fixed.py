@@ -84,6 +84,12 @@ def _checked(side: str) -> str:
     return side
 
 
+class Rows(eqx.Module):
+    """What a side had at its places."""
+
+    points: Float[Array, "n d"]
+
+
 class FixedPoint(AbstractCondition):
     """The place at given parameters is `point`, by default where it is in the shape that the fit starts from.
 
@@ -118,26 +124,22 @@ class FixedEdge(AbstractCondition):
     curve: Any
     side: str = eqx.field(static=True)
 
-    def __init__(self, side: str, curve: AbstractCurve | None = None):
+    def __init__(self, side: str, curve: AbstractCurve | Rows | None = None):
         self.side, self.curve = _checked(side), curve
 
     def bound(self, shape: Any) -> "FixedEdge":
-        return self if self.curve is not None else FixedEdge(self.side, _Rows(_places(shape, self.side)))
+        return self if self.curve is not None else FixedEdge(self.side, Rows(_places(shape, self.side)))
 
     def __call__(self, shape: Any) -> Float[Array, "n 3"]:
         rows = _on_side(shape, self.side)
         return (_places(shape, self.side) - self._wanted(shape, rows)) / _length(shape)
 
     def _wanted(self, shape: Any, rows: Float[Array, "n 2"]) -> Float[Array, "n 3"]:
-        if isinstance(self.curve, _Rows):
+        if isinstance(self.curve, Rows):
             return self.curve.points
         axis = 1 - "uv".index(self.side[0])
         (a, b), (c, d) = shape.domain[axis], self.curve.domain
         return self.curve(c + (d - c) * (rows[:, axis] - a) / (b - a))
-
-
-class _Rows(eqx.Module):
-    points: Float[Array, "n d"]
 
 
 class TangentPlane(AbstractCondition):
@@ -151,20 +153,21 @@ class TangentPlane(AbstractCondition):
     normal: Any
     side: str = eqx.field(static=True)
 
-    def __init__(self, side: str, normal: Numbers | Callable[[Any], Any] | None = None):
+    def __init__(self, side: str, normal: Numbers | Rows | Callable[[Any], Any] | None = None):
         self.side = _checked(side)
-        self.normal = normal if normal is None or callable(normal) or isinstance(normal, _Rows) else as_float(normal)
+        asis = normal is None or callable(normal) or isinstance(normal, Rows)
+        self.normal = normal if asis else as_float(normal)
 
     def bound(self, shape: Any) -> "TangentPlane":
         if self.normal is not None:
             return self
         tangents = jax.vmap(lambda t: value_and_tangents(shape, t)[1])(_on_side(shape, self.side))
-        return TangentPlane(self.side, _Rows(_safe.unit(jnp.cross(tangents[:, :, 0], tangents[:, :, 1]))))
+        return TangentPlane(self.side, Rows(_safe.unit(jnp.cross(tangents[:, :, 0], tangents[:, :, 1]))))
 
     def __call__(self, shape: Any) -> Float[Array, "2 n"]:
         rows = _on_side(shape, self.side)
         tangents = jax.vmap(lambda t: value_and_tangents(shape, t)[1])(rows)
-        if isinstance(self.normal, _Rows):
+        if isinstance(self.normal, Rows):
             normals = self.normal.points
         elif callable(self.normal):
             normals = jax.vmap(self.normal)(rows[:, 1 - "uv".index(self.side[0])])

@@ -1,6 +1,6 @@
 """Many clouds fitted at once, in one compiled call."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -12,11 +12,19 @@ from jaxtyping import Array, Float
 from .._array import Numbers, as_float, concrete, is_concrete
 from .._errors import InputError
 from ..curve import AbstractCurve
-from ..query import nearest_samples
+from ..query import feet_with_derivatives, nearest_samples, refine_feet
 from ..surface import AbstractSurface
-from ._fit import Fit, fit
+from ._deviation import Deviation
+from ._fit import Fit, attached, check_options, frozen, usual_tolerance
+from ._fixed import bound_to
+from ._implicit import with_derivatives
+from ._lanes import solve_all
+from ._losses import find_loss
+from ._pose import posed, staged, stages
+from ._problem import free_leaves, unknowns_of
 
-_TOGETHER = 16_384  # points of scans that are worked on side by side
+_TOGETHER = 4096  # points of scans that are worked on side by side: they stay in the caches
+_TURNS = 4  # steps by which feet follow a step of the solver: all wait for the slowest
 
 
 def fit_many(
@@ -25,54 +33,79 @@ def fit_many(
     *,
     weights: Numbers | Sequence[Numbers] | None = None,
     stacked: bool = False,
-    **options: Any,
+    loss: str = "squared",
+    trimmed: float = 0.0,
+    fairness: float = 0.0,
+    bending: float | None = None,
+    free: Callable[[Any], Any] | None = None,
+    fixed: Callable[[Any], Any] | Sequence[Callable[[Any], Any]] = (),
+    sliding: float = 0.1,
+    release: float = 1e3,
+    rtol: float | None = None,
+    max_steps: int = 60,
 ) -> Fit:
     """Fit one shape to each of many clouds; the compiled call serves again for as many clouds of as many points.
 
-    shape: the start of all fits, or with `stacked=True` a shape of which every array has one more axis in front, a start for
-    each cloud (as `eqx.filter_vmap` makes). clouds: (K, N, 3), or a sequence of K arrays (N_i, 3) of different size, which are
-    padded to the longest with points of weight 0. weights: (K, N), or a sequence alike. options: as in `fit`, the same for
-    all: loss, trimmed, fairness, bending, free, fixed, sliding, release, rtol, max_steps.
+    shape: the start of all fits, or with `stacked=True` a shape of which every array has one more axis in front, a start
+    for each cloud (as `eqx.filter_vmap` makes). clouds: (K, N, 3), or a sequence of K arrays (N_i, 3) of different size,
+    which are padded to the longest with points of weight 0. weights: (K, N), or a sequence alike. All else as in `fit`, the
+    same for all; what `fixed` takes from a start it takes from the first one.
 
     Returns a `Fit` with an axis K in front of every array; distances of padding are 0. `jax.tree.map(lambda x: x[k],
-    found.shape)` is the k-th shape. First feet are the nearest of a grid of samples, so that shapes which fold back on
-    themselves need a start near by. Differentiable like `fit`. Raises `InputError` on clouds that are empty or not finite.
+    found.shape)` is the k-th shape. Some clouds are worked on side by side; one that is done makes room for the next. First
+    feet are the nearest of a grid of samples, so that shapes which fold back on themselves need a start near by.
+    Differentiable like `fit`. Raises `InputError` on clouds that are empty or not finite.
     """
     points, weights = padded(clouds, weights, shape.dtype)
-    for name in ("progress", "phase", "start", "parameters", "solver", "rest"):
-        if name in options:
-            raise InputError(f"`fit_many` takes no `{name}`; leave it out, or fit the clouds one by one with `fit`.")
-    free = options.pop("free", None)
+    find_loss(loss)
+    check_options(fairness, bending, trimmed)
     if stacked and any(x.shape[:1] != points.shape[:1] for x in jax.tree.leaves(eqx.filter(shape, eqx.is_array))):
         raise InputError(f"With `stacked=True` every array of `shape` must have {points.shape[0]} entries, one a cloud.")
-    return _fit_many(shape, points, weights, stacked, free, options)
+    arrays, others = eqx.partition(shape, eqx.is_array)
+    if not stacked:
+        arrays = jax.tree.map(lambda x: jnp.broadcast_to(x[None], (points.shape[0], *x.shape)), arrays)
+    shapes = eqx.combine(arrays, others)
+    first = jax.tree.map(lambda x: x[0] if eqx.is_array(x) else x, shapes)
+    conditions = bound_to(first, (fixed,) if callable(fixed) else tuple(fixed))
+    pose = {"fairness": fairness, "bending": bending, "free": free, "fixed": conditions, "sliding": sliding}
+    if rtol is None:
+        rtol = usual_tolerance(unknowns_of(first, free_leaves(first, free)).size, points.shape[1])
+    steering = {"rtol": rtol, "release": release, "max_steps": max_steps}
+    return _fit_many(shapes, points, weights, pose, stages(loss, trimmed), steering)
 
 
 @eqx.filter_jit
-def _fit_many(shape: Any, points: Array, weights: Array, stacked: bool, free: Any, options: dict[str, Any]) -> Fit:
-    arrays, others = eqx.partition(shape, eqx.is_array)
-    plain = []  # what is no array in the result, the same for all
-
-    def one(row: Any) -> Any:
-        own, points, weights = row
-        member = eqx.combine(own if stacked else arrays, others)
-        feet = nearest_samples(member, points)
-        if isinstance(member, AbstractCurve):
-            feet = feet[:, 0]
-        found = fit(member, points, weights=weights, start=feet, free=free, **options)
-        distance = jnp.where(weights > 0, found.deviation.signed, 0)
-        found, static = eqx.partition(eqx.tree_at(lambda f: f.deviation.signed, found, distance), eqx.is_array)
-        plain.append(static)
-        return found
-
-    count = points.shape[0]
-    batches = -(-count // max(1, _TOGETHER // points.shape[1]))
-    together = -(-count // batches)
-    # whole batches only: a shorter last one would be compiled a second time
-    fill = lambda x: jnp.concatenate([x, jnp.repeat(x[-1:], batches * together - count, axis=0)])
-    rows = jax.tree.map(fill, (arrays if stacked else None, points, weights))
-    found = jax.lax.map(one, rows, batch_size=together)
-    return eqx.combine(jax.tree.map(lambda x: x[:count], found), plain[0])
+def _fit_many(
+    shapes: Any,
+    points: Array,
+    weights: Array,
+    pose: dict[str, Any],
+    rounds: list[tuple[str, float]],
+    steering: dict[str, Any],
+) -> Fit:
+    each = lambda f: eqx.filter_vmap(f)
+    given = (shapes, points, weights)
+    shapes, points, weights = frozen(given)
+    put = lambda shape, points, weights: posed(shape, points, weights, rest=None, held=False, turns=_TURNS, **pose)
+    problems = each(put)(shapes, points, weights)
+    feet = each(nearest_samples)(shapes, points)
+    steps, found = jnp.zeros(points.shape[0], jnp.int32), None
+    for loss, trimmed in rounds:
+        stage = lambda problem, feet, weights, loss=loss, trimmed=trimmed: staged(problem, feet, weights, loss, trimmed)
+        problems = each(stage)(problems, feet, weights)
+        found = solve_all(problems, feet, max(1, _TOGETHER // points.shape[1]), **steering)
+        shapes = each(lambda problem, theta: problem.member(theta))(problems, found.theta)
+        problems, feet, steps = eqx.tree_at(lambda p: p.shape, problems, shapes), found.feet, steps + found.steps
+    assert found is not None
+    feet = each(lambda shape, points, feet: refine_feet(shape, points, feet))(shapes, points, feet)
+    # without anyone who asks for derivatives this is the identity
+    problems = each(attached)(problems, *given)
+    shapes = each(lambda problem, theta, feet: problem.member(with_derivatives(problem, theta, feet)))(
+        problems, found.theta, feet
+    )
+    foot = each(feet_with_derivatives)(shapes, problems.points, feet)
+    deviation = Deviation(jnp.where(weights > 0, foot.distance, 0))
+    return Fit(shapes, foot, deviation, found.result, steps, False, problems)
 
 
 def padded(clouds: Any, weights: Any, dtype: Any) -> tuple[Float[Array, "K N d"], Float[Array, "K N"]]:

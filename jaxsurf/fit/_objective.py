@@ -29,7 +29,7 @@ def data_terms(
         d = offset.shape[1]
         lines = Linearised(offset, jnp.broadcast_to(jnp.eye(d, dtype=offset.dtype)[None], (offset.shape[0], d, d)))
     else:
-        feet = refine_feet(shape, problem.points, feet)
+        feet = refine_feet(shape, problem.points, feet, problem.turns)
         lines = linearise(shape, feet, problem.points, problem.sliding)
     distance = jnp.sqrt(jnp.sum(lines.offset**2, axis=-1))
     weights, value = problem.point_weights(distance)

@@ -33,6 +33,7 @@ def posed(
     fixed: tuple[Callable[[Any], Any], ...],
     sliding: float,
     held: bool,
+    turns: int = 60,
 ) -> Problem:
     """The problem of the squared loss."""
     flags = free_leaves(shape, free)
@@ -54,6 +55,7 @@ def posed(
         "squared",
         fairness != 0,
         held,
+        turns,
     )
 
 

@@ -23,7 +23,7 @@ class Problem(eqx.Module):
     weights: (N,) ≥ 0; scale: s of the loss; bending and fairness: weights of the two penalties; sliding: see
     `linearise`; rest: the θ at which nothing is bent, 0 for a flat sheet; penalty: the bending matrix of the control
     points, which are the first leaf, or `None`; fixed: functions of the shape that are to vanish; held: whether points
-    belong to known parameters, so that feet stay where they are.
+    belong to known parameters, so that feet stay where they are; turns: steps at most by which feet follow the shape.
     """
 
     shape: Any
@@ -41,6 +41,7 @@ class Problem(eqx.Module):
     loss: str = eqx.field(static=True)
     fair: bool = eqx.field(static=True)
     held: bool = eqx.field(static=True, default=False)
+    turns: int = eqx.field(static=True, default=60)
 
     def unknowns(self, shape: Any = None) -> Float[Array, "P"]:
         """θ of `shape`, by default of the start."""

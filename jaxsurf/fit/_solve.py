@@ -166,7 +166,7 @@ def solve(
     args = (problem, feet)
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
         if progress is silent:
-            found = optx.minimise(_objective, solver, theta, args, has_aux=True, max_steps=max_steps, throw=False)
+            found = optx.minimise(objective_of, solver, theta, args, has_aux=True, max_steps=max_steps, throw=False)
             return Solved(found.value, found.aux[2], found.stats["num_steps"], found.result)
         return _stepwise(solver, theta, args, max_steps, progress, phase)
 
@@ -184,7 +184,13 @@ def _by_values(problem: Problem, feet: Float[Array, "N k"], solver: Any, max_ste
     return Solved(found.value, feet_of(found.value), found.stats["num_steps"], found.result)
 
 
-def _objective(theta: Float[Array, "P"], args: Any) -> tuple[Float[Array, ""], Any]:
+def ended(done: Bool[Array, ""]) -> Any:
+    """How a solver ended that either met its tolerance or took all its steps."""
+    return optx.RESULTS.where(done, optx.RESULTS.successful, optx.RESULTS.nonlinear_max_steps_reached)
+
+
+def objective_of(theta: Float[Array, "P"], args: Any) -> tuple[Float[Array, ""], Any]:
+    """What the solver minimises: the value, and gradient, matrix and feet beside it."""
     (value, *rest), feet = evaluate(args[0], theta, args[1])
     return value, (*rest, feet)
 
@@ -195,7 +201,7 @@ def _stepwise(
     # through the host, so that no leaf is weakly typed and the second step does not compile again
     state = jax.tree.map(
         lambda x: jnp.asarray(np.asarray(x)),
-        solver.init(_objective, theta, args, {}, None, None, frozenset()),
+        solver.init(objective_of, theta, args, {}, None, None, frozenset()),
     )
     problem = args[0]
     steps, stopped = 0, False
@@ -211,5 +217,5 @@ def _stepwise(
 
 @eqx.filter_jit
 def _compiled_step(solver: NormalEquationsSolver, theta: Array, args: Any, state: _State) -> tuple[Array, _State]:
-    theta, state, _ = solver.step(_objective, theta, args, {}, state, frozenset())
+    theta, state, _ = solver.step(objective_of, theta, args, {}, state, frozenset())
     return theta, state

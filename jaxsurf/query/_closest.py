@@ -105,10 +105,12 @@ def feet_with_derivatives(shape: Any, points: Float[Array, "N d"], parameters: F
     return map_points(finish, shape, *points.T, *parameters.T)
 
 
-def refine_feet(shape: Any, points: Float[Array, "N d"], parameters: Float[Array, "N k"]) -> Float[Array, "N k"]:
-    """Parameters of feet, refined from good ones; no derivatives. For use inside traced code."""
+def refine_feet(
+    shape: Any, points: Float[Array, "N d"], parameters: Float[Array, "N k"], turns: int = 60
+) -> Float[Array, "N k"]:
+    """Parameters of feet, refined from good ones by at most so many steps; no derivatives. For use inside traced code."""
     frozen = jax.lax.stop_gradient((shape, points, parameters))
-    return descend(*frozen, *_as_chosen(parameters), _scale(shape))
+    return descend(*frozen, *_as_chosen(parameters), _scale(shape), turns)
 
 
 def _as_chosen(parameters: Float[Array, "N k"]) -> tuple[Int[Array, "N 1"], Bool[Array, "N 1"]]:

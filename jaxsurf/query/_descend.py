@@ -44,6 +44,7 @@ def descend(
     chosen: Int[Array, "N c"],
     wanted: Bool[Array, "N c"],
     scale: Scale,
+    turns: int = _TURNS,
 ) -> Float[Array, "N k"]:
     """Parameters of the lowest minimum of ½|S(t) − p|² on the domain's box that a search finds for each point.
 
@@ -59,10 +60,10 @@ def descend(
     lanes = min(searches, _LANES)
     box = parameter_box(shape)
     if owners == 1 and searches <= _LANES:
-        return _descend_abreast(shape, points, starts[chosen[:, 0]], box, scale)
+        return _descend_abreast(shape, points, starts[chosen[:, 0]], box, scale, turns)
     order = jnp.nonzero(wanted.reshape(-1), size=searches, fill_value=searches)[0].astype(jnp.int32)
     count = jnp.sum(wanted, dtype=jnp.int32)
-    look = jax.vmap(lambda lane, p: _turn(shape, lane, p, box, scale))
+    look = jax.vmap(lambda lane, p: _turn(shape, lane, p, box, scale, turns))
     begin = jax.vmap(lambda t: _begin(t, scale))
 
     def take_up(search: Int[Array, "w"]) -> _Lane:
@@ -94,13 +95,13 @@ def descend(
 
 
 def _descend_abreast(
-    shape: Any, points: Float[Array, "N d"], starts: Float[Array, "N k"], box: Box, scale: Scale
+    shape: Any, points: Float[Array, "N d"], starts: Float[Array, "N k"], box: Box, scale: Scale, turns: int
 ) -> Float[Array, "N k"]:
     """One search for each point, all side by side; with so few the queue would cost more than it saves."""
 
     def turn(state: tuple[_Lane, Bool[Array, "N"]]) -> tuple[_Lane, Bool[Array, "N"]]:
         lane, done = state
-        moved, ended = jax.vmap(lambda lane, p: _turn(shape, lane, p, box, scale))(lane, points)
+        moved, ended = jax.vmap(lambda lane, p: _turn(shape, lane, p, box, scale, turns))(lane, points)
         return jax.tree.map(lambda new, old: _where(done, old, new), moved, lane), done | ended
 
     begun = jax.vmap(lambda t: _begin(t, scale))(starts), jnp.zeros(starts.shape[0], bool)
@@ -124,7 +125,9 @@ def _begin(t: Float[Array, "k"], scale: Scale) -> _Lane:
     return _Lane(turns, t, none + jnp.inf, unknown[0], unknown, unknown, t, none, none, scale.size / 10)
 
 
-def _turn(shape: Any, lane: _Lane, p: Float[Array, "d"], box: Box, scale: Scale) -> tuple[_Lane, Bool[Array, ""]]:
+def _turn(
+    shape: Any, lane: _Lane, p: Float[Array, "d"], box: Box, scale: Scale, turns: int
+) -> tuple[_Lane, Bool[Array, ""]]:
     """Look at the trial parameters, keep them or not, and step on from the better ones; and whether that is all."""
     precision = eps(p.dtype)
     short, rounding = 0.1 * precision**0.5 * scale.size, 4 * precision * scale.coordinate
@@ -149,7 +152,7 @@ def _turn(shape: Any, lane: _Lane, p: Float[Array, "d"], box: Box, scale: Scale)
     onward = step(here, gradient, metric, bend, radius, box)
     settled = onward.newton & (onward.length <= short)
     flat = onward.slope <= rounding / 4 + precision * distance
-    done = settled | flat | (radius <= 1e-3 * short) | (lane.turns + 1 >= _TURNS)
+    done = settled | flat | (radius <= 1e-3 * short) | (lane.turns + 1 >= turns)
     lane = _Lane(
         lane.turns + 1,
         jnp.where(settled, onward.trial, here),
