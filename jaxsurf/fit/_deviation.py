@@ -13,10 +13,11 @@ from .._array import is_concrete
 class Deviation(eqx.Module):
     """Distances of the points to their feet.
 
-    signed: (N,), on a surface with the sign of ⟨p − S, n⟩; `numpy.asarray` of the deviation is this array.
+    signed: (N,), or (K, N) of many clouds, whose figures are those of all points together; on a surface with the sign of
+    ⟨p − S, n⟩; `numpy.asarray` of the deviation is this array.
     """
 
-    signed: Float[Array, "N"]
+    signed: Float[Array, "*K N"]
 
     @property
     def rms(self) -> Any:

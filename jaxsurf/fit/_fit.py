@@ -36,14 +36,15 @@ class Fit(eqx.Module):
 
     shape: the fitted member of the family; foot: the feet of all points on it; deviation: their distances; result: how
     the solver ended, an `optimistix.RESULTS`; steps: solver steps in all; stopped: whether `progress` asked to stop;
-    problem: what was solved, in the end.
+    problem: what was solved, in the end, with the resistance to gliding that all its steps amount to. Of `fit_many` all
+    arrays have an axis K in front.
     """
 
     shape: Any
     foot: Foot
     deviation: Deviation
     result: Any
-    steps: Int[Array, ""]
+    steps: Int[Array, "*K"]
     stopped: bool
     problem: Problem
 
@@ -53,13 +54,20 @@ class Fit(eqx.Module):
         return self.result == optx.RESULTS.successful
 
     @property
-    def outliers(self) -> Bool[Array, "N"]:
+    def rms(self) -> Float[Array, "*K"]:
+        """Root of the weighted mean square distance, of each cloud where there are many."""
+        counted = self.problem.weights
+        square = jnp.sum(counted * self.deviation.signed**2, axis=-1) / jnp.sum(counted, axis=-1)
+        return jnp.sqrt(square)
+
+    @property
+    def outliers(self) -> Bool[Array, "*K N"]:
         """Which points lie so far off that noise would put one of twenty such clouds there; the noise is taken from the
         median of the distances."""
         counted = self.problem.weights
         noise = noise_scale(self.deviation.signed, counted)
         chance = 0.05 / max(counted.shape[-1], 1)
-        return jnp.abs(self.deviation.signed) > noise * NormalDist().inv_cdf(1 - chance / 2)
+        return jnp.abs(self.deviation.signed) > noise[..., None] * NormalDist().inv_cdf(1 - chance / 2)
 
     def uncertainty(self, noise: float | None = None) -> Uncertainty:
         """Variances of the control data and of the shape's places; see `Uncertainty`.
@@ -155,13 +163,14 @@ def fit(
         rtol = usual_tolerance(unknowns_of(shape, problem.free).size, points.shape[0])
     options = {"rtol": rtol, "max_steps": max_steps, "release": release, "phase": phase, "solver": solver}
     options["progress"] = silent if traced else progress
-    total = np.int32(0)
+    total, freed = np.int32(0), jnp.zeros((), points.dtype)
     found: Solved | None = None
     for name, share in stages(loss, trimmed):
         problem = staged(problem, feet, weights, name, share)
         for _ in range(_RENEWALS + 1):
             found = solve(problem, feet, **options)
             shape, feet, total = _member(problem, found.theta), found.feet, total + found.steps
+            freed = freed + found.freed
             was_ready = jax.tree.structure(shape)
             shape = shape.renewed()
             if found.stopped or jax.tree.structure(shape) == was_ready:
@@ -172,6 +181,7 @@ def fit(
         if found is not None and found.stopped:
             break
     assert found is not None
+    problem = given_way(problem, freed)
     if traced:
         problem = attached(problem, *asked)
         shape = problem.member(with_derivatives(problem, found.theta, feet))
@@ -191,6 +201,11 @@ def frozen(tree: Any) -> Any:
 def parameter_count(shape: Any) -> int:
     """How many parameters a place on the shape has."""
     return 1 if isinstance(shape, AbstractCurve) else 2
+
+
+def given_way(problem: Problem, freed: Float[Array, ""]) -> Problem:
+    """The problem with the resistance to gliding that all steps together amount to."""
+    return eqx.tree_at(lambda p: p.sliding, problem, jnp.minimum(problem.sliding, _safe.divide(jnp.ones_like(freed), freed)))
 
 
 def attached(problem: Problem, shape: Any, points: Any, weights: Any, rest: Any = None, fixed: Any = None) -> Problem:

@@ -55,7 +55,7 @@ def solve_all(
         lane = jax.vmap(step)(lane)
         done = (lane.state.done | (lane.steps >= max_steps)) & (lane.number < count)
         place = jnp.where(done, lane.number, count)
-        new = (lane.theta, lane.state.feet, lane.steps, lane.state.done)
+        new = (lane.theta, lane.state.feet, lane.steps, lane.state.done, lane.state.freed)
         found = jax.tree.map(lambda old, x: old.at[place].set(x, mode="drop"), found, new)
         number = jnp.where(done, following + jnp.cumsum(done, dtype=jnp.int32) - 1, lane.number)
         fresh = jax.vmap(begin)(number)
@@ -71,7 +71,8 @@ def solve_all(
             feet,
             jnp.zeros(count, jnp.int32),
             jnp.zeros(count, bool),
+            jnp.zeros(count, feet.dtype),
         )
         start = (first, jnp.asarray(lanes, jnp.int32), empty)
-        _, _, (theta, feet, steps, done) = jax.lax.while_loop(lambda c: jnp.any(c[0].number < count), turn, start)
-    return Solved(theta, feet, steps, eqx.filter_vmap(ended)(done))
+        _, _, (theta, feet, steps, done, freed) = jax.lax.while_loop(lambda c: jnp.any(c[0].number < count), turn, start)
+    return Solved(theta, feet, steps, eqx.filter_vmap(ended)(done), freed)

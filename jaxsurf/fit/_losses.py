@@ -48,7 +48,7 @@ def find_loss(name: str) -> Loss:
     return LOSSES[name]
 
 
-def noise_scale(distance: Float[Array, "N"], counted: Float[Array, "N"]) -> Float[Array, ""]:
+def noise_scale(distance: Float[Array, "*K N"], counted: Float[Array, "*K N"]) -> Float[Array, "*K"]:
     """Standard deviation of the noise, from the median of |distance| over the points of positive weight."""
     magnitude = jnp.where(counted > 0, jnp.abs(distance), jnp.nan)
-    return 1.4826 * jnp.nanmedian(magnitude)
+    return 1.4826 * jnp.nanmedian(magnitude, axis=-1)

@@ -15,7 +15,7 @@ from ..curve import AbstractCurve
 from ..query import feet_with_derivatives, nearest_samples, refine_feet
 from ..surface import AbstractSurface
 from ._deviation import Deviation
-from ._fit import Fit, attached, check_options, frozen, usual_tolerance
+from ._fit import Fit, attached, check_options, frozen, given_way, usual_tolerance
 from ._fixed import bound_to
 from ._implicit import with_derivatives
 from ._lanes import solve_all
@@ -89,15 +89,17 @@ def _fit_many(
     put = lambda shape, points, weights: posed(shape, points, weights, rest=None, held=False, turns=_TURNS, **pose)
     problems = each(put)(shapes, points, weights)
     feet = each(nearest_samples)(shapes, points)
-    steps, found = jnp.zeros(points.shape[0], jnp.int32), None
+    steps, freed, found = jnp.zeros(points.shape[0], jnp.int32), jnp.zeros(points.shape[0], points.dtype), None
     for loss, trimmed in rounds:
         stage = lambda problem, feet, weights, loss=loss, trimmed=trimmed: staged(problem, feet, weights, loss, trimmed)
         problems = each(stage)(problems, feet, weights)
         found = solve_all(problems, feet, max(1, _TOGETHER // points.shape[1]), **steering)
         shapes = each(lambda problem, theta: problem.member(theta))(problems, found.theta)
         problems, feet, steps = eqx.tree_at(lambda p: p.shape, problems, shapes), found.feet, steps + found.steps
+        freed = freed + found.freed
     assert found is not None
     feet = each(lambda shape, points, feet: refine_feet(shape, points, feet))(shapes, points, feet)
+    problems = each(given_way)(problems, freed)
     # without anyone who asks for derivatives this is the identity
     problems = each(attached)(problems, *given)
     shapes = each(lambda problem, theta, feet: problem.member(with_derivatives(problem, theta, feet)))(

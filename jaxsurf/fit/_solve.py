@@ -30,6 +30,8 @@ class _State(eqx.Module):
     info: EvalGradHessian
     feet: Float[Array, "N k"]
     normals: Float[Array, "c P"]
+    sliding: Float[Array, ""]
+    freed: Float[Array, ""]
     done: Bool[Array, ""]
     result: Any
 
@@ -66,10 +68,10 @@ class MarquardtDescent(optx.AbstractDescent):
 class NormalEquationsSolver(optx.AbstractMinimiser):
     """Minimise an objective whose value, gradient and Gauss-Newton matrix come from one pass over the points.
 
-    `fn(θ, (problem, feet))` gives the value and (gradient, matrix, feet); the pass starts the feet of a trial θ from those
-    of the last accepted one. It ends when an accepted step has lowered the value by less than `rtol` of it, or when steps
-    are refused at a step size below 10⁻⁹. release: by how much at most the resistance to gliding falls while steps are as
-    good as was predicted. What the problem holds fixed is kept by every trial.
+    `fn(θ, (problem, feet))` gives the value and (gradient, matrix, feet, 0); the pass starts the feet of a trial θ from
+    those of the last accepted one. It ends when an accepted step has lowered the value by less than `rtol` of it, or when
+    steps are refused at a step size below 10⁻⁹. release: by how much at most the resistance to gliding falls while steps are
+    as good as was predicted. What the problem holds fixed is kept by every trial.
     """
 
     rtol: Any
@@ -96,6 +98,8 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
             info=info,
             feet=feet,
             normals=normals,
+            sliding=problem.sliding,
+            freed=jnp.zeros((), y.dtype),
             done=jnp.asarray(False),
             result=optx.RESULTS.successful,
         )
@@ -103,7 +107,7 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
     def step(self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any) -> tuple[Any, _State, Any]:
         problem = args[0]
         free = problem.sliding / jnp.clip(state.step_size, 1, self.release)
-        value, (gradient, matrix, feet) = fn(state.trial, (eqx.tree_at(lambda p: p.sliding, problem, free), state.feet))
+        value, (gradient, matrix, feet, _) = fn(state.trial, (eqx.tree_at(lambda p: p.sliding, problem, free), state.feet))
         trial_info = EvalGradHessian(value, gradient, lx.MatrixLinearOperator(matrix, lx.positive_semidefinite_tag))
         step_size, accept, search_result, search = self.search.step(
             state.first_step, y, state.trial, state.info, trial_info, state.search
@@ -114,13 +118,16 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
         small = (gain <= self.rtol * state.info.f + self.atol) & whole
         pick = lambda a, b: jax.tree.map(lambda x, z: jnp.where(accept, x, z), a, b)
         y, info, feet = pick(state.trial, y), pick(trial_info, state.info), pick(feet, state.feet)
+        # steps taken one after another give way to gliding like springs in a row
+        moved = jnp.where(accept & ~state.first_step, 1 / (state.sliding + jnp.finfo(y.dtype).eps), 0)
         normals = pick(restored(problem, y, rounds=0)[1], state.normals) if problem.fixed else state.normals
         step, descent_result = self.descent.step(step_size, (info, normals))
         done = jnp.where(accept, small, step_size < 1e-9)
         result = optx.RESULTS.where(search_result == optx.RESULTS.successful, descent_result, search_result)
         trial = restored(problem, y + step)[0]
-        state = _State(jnp.asarray(False), step_size, trial, search, info, feet, normals, done, result)
-        return y, state, (info.grad, info.hessian.matrix, feet)
+        sliding, freed = pick(free, state.sliding), state.freed + moved
+        state = _State(jnp.asarray(False), step_size, trial, search, info, feet, normals, sliding, freed, done, result)
+        return y, state, (info.grad, info.hessian.matrix, feet, freed)
 
     def terminate(self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any) -> tuple[Any, Any]:
         return state.done, state.result
@@ -132,12 +139,14 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
 
 
 class Solved(eqx.Module):
-    """Unknowns, feet, number of steps, and how the solver ended (an `optimistix.RESULTS`); stopped: on the caller's wish."""
+    """Unknowns, feet, number of steps, and how the solver ended (an `optimistix.RESULTS`); freed: the sum of 1 / sliding
+    over the steps that were taken; stopped: on the caller's wish."""
 
-    theta: Float[Array, "P"]
-    feet: Float[Array, "N k"]
-    steps: Int[Array, ""]
+    theta: Float[Array, "*K P"]
+    feet: Float[Array, "*K N k"]
+    steps: Int[Array, "*K"]
     result: Any
+    freed: Float[Array, "*K"]
     stopped: bool = False
 
 
@@ -167,7 +176,7 @@ def solve(
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
         if progress is silent:
             found = optx.minimise(objective_of, solver, theta, args, has_aux=True, max_steps=max_steps, throw=False)
-            return Solved(found.value, found.aux[2], found.stats["num_steps"], found.result)
+            return Solved(found.value, found.aux[2], found.stats["num_steps"], found.result, found.aux[3])
         return _stepwise(solver, theta, args, max_steps, progress, phase)
 
 
@@ -181,7 +190,8 @@ def _by_values(problem: Problem, feet: Float[Array, "N k"], solver: Any, max_ste
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
         value = lambda theta, _: objective(problem, theta, feet_of(theta))
         found = optx.minimise(value, solver, problem.unknowns(), max_steps=max_steps, throw=False)
-    return Solved(found.value, feet_of(found.value), found.stats["num_steps"], found.result)
+    freed = jnp.full((), jnp.inf, feet.dtype)  # values alone resist no gliding
+    return Solved(found.value, feet_of(found.value), found.stats["num_steps"], found.result, freed)
 
 
 def ended(done: Bool[Array, ""]) -> Any:
@@ -192,7 +202,7 @@ def ended(done: Bool[Array, ""]) -> Any:
 def objective_of(theta: Float[Array, "P"], args: Any) -> tuple[Float[Array, ""], Any]:
     """What the solver minimises: the value, and gradient, matrix and feet beside it."""
     (value, *rest), feet = evaluate(args[0], theta, args[1])
-    return value, (*rest, feet)
+    return value, (*rest, feet, jnp.zeros_like(value))
 
 
 def _stepwise(
@@ -212,7 +222,7 @@ def _stepwise(
         if stopped or bool(state.done) or not np.isfinite(value):
             break
     result = state.result if bool(state.done) or stopped else optx.RESULTS.nonlinear_max_steps_reached
-    return Solved(theta, state.feet, jnp.asarray(np.int32(steps)), result, stopped)
+    return Solved(theta, state.feet, jnp.asarray(np.int32(steps)), result, state.freed, stopped)
 
 
 @eqx.filter_jit

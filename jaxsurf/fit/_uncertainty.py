@@ -17,7 +17,7 @@ from ._normal_equations import derivatives_by_unknowns
 from ._objective import data_terms, penalty_terms
 from ._problem import Problem, across
 
-_GAUGE = 1e-6  # weight of gliding along the shape, which points do not see, in the matrix that is inverted
+_GAUGE = 1e-6  # least weight of gliding along the shape, which points do not see, in the matrix that is inverted
 _EFFICIENCY = 0.95  # of the robust losses on Gaussian noise
 _CHUNK = 256
 
@@ -29,7 +29,8 @@ class Uncertainty(eqx.Module):
     along the shape has none. noise: standard deviation of a measurement of weight 1; numbers: how many free numbers the
     points really determine, less than P where fairness and bending hold some; problem: what was fitted.
     The points' errors are taken as independent, along the normal, with variances noise² / weight, the loss and what holds
-    the shape (bending, fairness, what is fixed) as part of the estimate: cov = noise² A⁻¹ M A⁻¹ with the Gauss-Newton
+    the shape (bending, fairness, what is fixed, and how far the net was free to glide until the last step, which lets it fit
+    noise) as part of the estimate: cov = noise² A⁻¹ M A⁻¹ with the Gauss-Newton
     matrices M of the points and A of the whole objective; the bias that fairness brings is not in it. Source: Huber, Robust
     statistics, 1981, §7.6, for robust losses.
     """
@@ -74,12 +75,11 @@ def _spreads(problem: Problem, covariance: Array, rows: Float[Array, "N k"], acr
 @eqx.filter_jit
 def uncertainty_of(problem: Problem, theta: Float[Array, "P"], feet: Float[Array, "N k"], noise: Any = None) -> Uncertainty:
     """Covariances at a solution θ with converged feet; noise: see `Uncertainty`, `None` to find it from the distances."""
-    with_sliding = lambda s: eqx.tree_at(
-        lambda p: (p.sliding, p.scale), _squared(problem), (jnp.asarray(s, theta.dtype), jnp.ones_like(problem.scale))
-    )
+    with_sliding = lambda s: eqx.tree_at(lambda p: p.sliding, _squared(problem), jnp.asarray(s, theta.dtype))
+    gauge = jnp.maximum(problem.sliding, _GAUGE)
     slope, square = _influence(problem, theta, feet)
     seen = data_terms(with_sliding(0.0), theta, feet)[0].matrix
-    matrix = data_terms(with_sliding(_GAUGE), theta, feet)[0].matrix + penalty_terms(problem, theta).matrix / slope
+    matrix = data_terms(with_sliding(gauge), theta, feet)[0].matrix + penalty_terms(problem, theta).matrix / slope
     matrix = matrix + (1e-14 * jnp.trace(matrix) / theta.size) * jnp.eye(theta.size, dtype=theta.dtype)
     factored = jax.scipy.linalg.cho_factor(matrix)
     inverse = lambda x: jax.scipy.linalg.cho_solve(factored, x)
