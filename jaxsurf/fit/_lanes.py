@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ._problem import Problem
-from ._solve import NormalEquationsSolver, Solved, ended, objective_of
+from ._solve import NormalEquationsSolver, Solved, ended, objective_of, rounding_of
 
 _NONE = frozenset()
 
@@ -37,17 +37,19 @@ def solve_all(
     arrays, static = eqx.partition(problems, eqx.is_array)
     at = lambda k: eqx.combine(jax.tree.map(lambda x: x[k], arrays), static)
     known = lambda x: jnp.asarray(x, feet.dtype)
-    solver = NormalEquationsSolver(rtol=known(rtol), atol=0.0, release=known(release))
+    solver_of = lambda problem: NormalEquationsSolver(known(rtol), rounding_of(problem), known(release))
 
     def begin(number: Int[Array, ""]) -> _Lane:
         problem, own = at(jnp.minimum(number, count - 1)), feet[jnp.minimum(number, count - 1)]
         theta = problem.unknowns()
-        state = solver.init(objective_of, theta, (problem, own), {}, None, None, _NONE)
+        state = solver_of(problem).init(objective_of, theta, (problem, own), {}, None, None, _NONE)
         return _Lane(number, theta, state, jnp.zeros((), jnp.int32))
 
     def step(lane: _Lane) -> _Lane:
         problem = at(jnp.minimum(lane.number, count - 1))
-        theta, state, _ = solver.step(objective_of, lane.theta, (problem, lane.state.feet), {}, lane.state, _NONE)
+        theta, state, _ = solver_of(problem).step(
+            objective_of, lane.theta, (problem, lane.state.feet), {}, lane.state, _NONE
+        )
         return _Lane(lane.number, theta, state, lane.steps + 1)
 
     def turn(carry: Any) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
+from .._array import eps
 from .._progress import Event, Progress, silent
 from ..query import refine_feet
 from ._constrained import onto, restored
@@ -69,13 +70,13 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
     """Minimise an objective whose value, gradient and Gauss-Newton matrix come from one pass over the points.
 
     `fn(θ, (problem, feet))` gives the value and (gradient, matrix, feet, 0); the pass starts the feet of a trial θ from
-    those of the last accepted one. It ends when an accepted step has lowered the value by less than `rtol` of it, or when
-    steps are refused at a step size below 10⁻⁹. release: by how much at most the resistance to gliding falls while steps are
+    those of the last accepted one. It ends when an accepted step has lowered the value by less than `rtol` of it or
+    `atol`, or when steps are refused at a step size below 10⁻⁹ or a value below `atol`. release: by how much at most the resistance to gliding falls while steps are
     as good as was predicted. What the problem holds fixed is kept by every trial.
     """
 
     rtol: Any
-    atol: float
+    atol: Any
     release: Any = 1.0
     norm: Callable[[Any], Any] = optx.max_norm
     descent: MarquardtDescent = MarquardtDescent()
@@ -122,7 +123,7 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
         moved = jnp.where(accept & ~state.first_step, 1 / (state.sliding + jnp.finfo(y.dtype).eps), 0)
         normals = pick(restored(problem, y, rounds=0)[1], state.normals) if problem.fixed else state.normals
         step, descent_result = self.descent.step(step_size, (info, normals))
-        done = jnp.where(accept, small, step_size < 1e-9)
+        done = jnp.where(accept, small, (step_size < 1e-9) | (info.f <= self.atol))
         result = optx.RESULTS.where(search_result == optx.RESULTS.successful, descent_result, search_result)
         trial = restored(problem, y + step)[0]
         sliding, freed = pick(free, state.sliding), state.freed + moved
@@ -170,7 +171,7 @@ def solve(
     known = lambda x: jnp.asarray(x, problem.points.dtype)
     if solver is not None:
         return _by_values(problem, feet, solver, max_steps)
-    solver = NormalEquationsSolver(rtol=known(rtol), atol=0.0, release=known(release))
+    solver = NormalEquationsSolver(known(rtol), rounding_of(problem), known(release))
     theta = problem.unknowns()
     args = (problem, feet)
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
@@ -192,6 +193,13 @@ def _by_values(problem: Problem, feet: Float[Array, "N k"], solver: Any, max_ste
         found = optx.minimise(value, solver, problem.unknowns(), max_steps=max_steps, throw=False)
     freed = jnp.full((), jnp.inf, feet.dtype)  # values alone resist no gliding
     return Solved(found.value, feet_of(found.value), found.stats["num_steps"], found.result, freed)
+
+
+@eqx.filter_jit
+def rounding_of(problem: Problem) -> Float[Array, ""]:
+    """The objective of distances that are rounding noise."""
+    coordinate = jnp.max(jnp.abs(problem.points)) / problem.size
+    return (4 * eps(coordinate.dtype) * jnp.maximum(coordinate, 1)) ** 2
 
 
 def ended(done: Bool[Array, ""]) -> Any:

@@ -8,10 +8,11 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._array import eps
 from .._prepared import prepare
-from ._newton import Box, local_frame, parameter_box, step
+from ._newton import Box, across_pole, local_frame, parameter_box, step
 
 _LANES = 1024  # searches that run side by side
 _TURNS = 60
+_POLE_TURNS = 12  # in which a search may cross a pole; at the tip of a cone both ways lead up
 
 
 class Scale(NamedTuple):
@@ -152,6 +153,12 @@ def _turn(
     onward = step(here, gradient, metric, bend, radius, box)
     settled = onward.newton & (onward.length <= short)
     flat = onward.slope <= rounding / 4 + precision * distance
+    trial, blocked = onward.trial, jnp.asarray(False)
+    if here.shape[0] == 2:
+        beyond, blocked = across_pole(here, gradient, metric, box)
+        blocked &= lane.turns < _POLE_TURNS
+        trial = jnp.where(blocked, beyond, trial)
+    settled, flat = settled & ~blocked, flat & ~blocked
     done = settled | flat | (radius <= 1e-3 * short) | (lane.turns + 1 >= turns)
     lane = _Lane(
         lane.turns + 1,
@@ -160,7 +167,7 @@ def _turn(
         gradient,
         metric,
         bend,
-        onward.trial,
+        trial,
         onward.length,
         onward.predicted,
         radius,

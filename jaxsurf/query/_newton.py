@@ -98,6 +98,17 @@ def step(
     return Step(trial, jnp.sqrt(moved @ moved), predicted, newton, steepness)
 
 
+def across_pole(
+    t: Float[Array, "2"], gradient: Float[Array, "2"], metric: Float[Array, "2 2"], box: Box
+) -> tuple[Float[Array, "2"], Bool[Array, ""]]:
+    """The same place half a turn on, and whether that helps: a foot would cross a border that is a point of a closed shape,
+    and so cannot know the way from there."""
+    held, sides = _held(t, gradient, box), box.upper - box.lower
+    lengths = jnp.diag(metric) * sides**2
+    turning = box.free & held[::-1] & (lengths <= 1e-12 * lengths[::-1])
+    return t + jnp.where(turning, sides / 2, 0), jnp.any(turning)
+
+
 def _along(
     slope: Float[Array, "1"], steepness: Float[Array, ""], hessian: Float[Array, "1 1"], radius: Float[Array, ""]
 ) -> tuple[Float[Array, "1"], Bool[Array, ""], Float[Array, "1 1"]]:

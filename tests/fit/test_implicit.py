@@ -11,7 +11,7 @@ import jaxsurf as js
 
 TRUTH = sheet()
 POINTS = points_on(TRUTH, 300, seed=1) + 0.02 * np.random.default_rng(2).normal(size=(300, 3))
-STEP = 1e-4
+STEP = 1e-3
 WAY = np.random.default_rng(3).normal(size=POINTS.shape)
 
 
