@@ -6,6 +6,7 @@ from ._fit import Fit as Fit, fit as fit, side_lengths as side_lengths
 from ._outline import trim_to_cloud as trim_to_cloud
 from ._parametrise import Parametrisation as Parametrisation, parametrise as parametrise
 from ._patchwork import JoinedPatches as JoinedPatches, join_patches as join_patches
+from ._processes import join_processes as join_processes
 from ._quaternion_cloud import (
     fit_qi as fit_qi,
     numbers_of as numbers_of,
@@ -13,6 +14,7 @@ from ._quaternion_cloud import (
     qi_plane as qi_plane,
 )
 from ._ranges import JoinedRanges as JoinedRanges, Range as Range, Seam as Seam, join_ranges as join_ranges
+from ._sharded_points import ShardedPoints as ShardedPoints, shard_points as shard_points
 from ._sweep_cloud import (
     KINDS as KINDS,
     SweepFit as SweepFit,

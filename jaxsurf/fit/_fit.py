@@ -19,7 +19,10 @@ from ..surface import AbstractSurface, BSplineSurface, QISurface
 from ._bending import bending_of
 from ._deviation import Deviation
 from ._losses import find_loss, noise_scale
-from ._problem import Problem, free_leaves, unknowns_of
+from ._problem import Problem, free_leaves, moved, unknowns_of
+from ._shard import at_home, mesh_of, over_shards
+from ._sharded_points import ShardedPoints, check_finite, whole_points
+from ._snapshot import Snapshot
 from ._solve import Solved, solve
 
 _RENEWALS = 3
@@ -47,7 +50,7 @@ class Fit(eqx.Module):
 
 def fit(
     shape: AbstractCurve | AbstractSurface,
-    points: Numbers,
+    points: Numbers | ShardedPoints,
     *,
     loss: str = "squared",
     fairness: float = 0.0,
@@ -62,6 +65,7 @@ def fit(
     max_steps: int = 60,
     progress: Progress = silent,
     phase: str = "fit",
+    resume: Snapshot | None = None,
 ) -> Fit:
     """Fit a curve or surface to an unordered cloud (N, 3): minimise the distances of the points to their feet on it.
 
@@ -75,29 +79,40 @@ def fit(
     start: parameters of first feet, from an earlier fit. sliding: how much the solver resists gliding of the net along the
     sheet, which points do not see; release: by how much at most that falls while steps are as good as predicted. Both steer
     the way, not the goal.
-    phase: what `progress` is told.
+    phase: what `progress` is told; resume: `Event.snapshot` of such a fit that was cut off, to go on there with the same
+    arguments. Points of `shard_points`, weights then of this process's, are worked on by all of their devices; `Fit.foot`
+    and `Fit.deviation` lie spread likewise if there are several processes.
 
     Levenberg-Marquardt on signed distances with the feet eliminated (Gauss-Newton by the envelope theorem), normal
     equations accumulated in chunks, stepped by optimistix until a step gains less than `rtol` of the objective.
     Raises `InputError` on points that are not finite or fewer than the shape's control points can use.
     """
-    points = as_float(points, shape.dtype)
+    cloud = whole_points(points, shape.dtype)
+    points, mesh = cloud.points, cloud.mesh
     find_loss(loss)
-    weights = _check(shape, points, weights, fairness, bending)
+    weights = _check(shape, cloud, weights, fairness, bending)
     free_flags = free_leaves(shape, free)
     number = lambda x: jnp.asarray(x, shape.dtype)
-    size = _diagonal(points)
+    size = at_home(_diagonal(points), mesh)
     penalty = None
     if isinstance(shape, BSplineSurface) and free_flags[0] and not any(free_flags[1:]):
         penalty = bending_of(shape, side_lengths(shape))
     weight = _faint(shape) if bending is None else bending
-    if start is None:
-        start = closest_point(shape, points).parameters
-    feet = as_float(start, points.dtype).reshape(points.shape[0], -1)
+    rest_theta = _rest(shape, rest, free_flags)
+    if resume is not None:
+        shape, start = _moved(shape, number(resume.theta), free_flags), None
+    feet = over_shards(mesh, _nearest, shape, points) if start is None else cloud.spread(start)
+    feet = as_float(feet, points.dtype).reshape(points.shape[0], -1)
     total = np.int32(0)
     found: Solved | None = None
-    for name in _rounds(loss):
-        scale = number(1) if name == "squared" else _noise(shape, points, feet, weights, name, size)
+    for turn, name in enumerate(_rounds(loss)):
+        if resume is not None and turn < resume.round:
+            continue
+        scale = number(1)
+        if resume is not None:
+            scale = number(resume.scale)
+        elif name != "squared":
+            scale = at_home(_noise(over_shards(mesh, _distances, shape, points, feet), weights, name, size), mesh)
         problem = Problem(
             shape,
             points,
@@ -107,15 +122,18 @@ def fit(
             number(weight),
             number(fairness),
             number(sliding),
-            _rest(shape, rest, free_flags),
+            rest_theta,
             free_flags,
             name,
             fairness != 0,
+            mesh=mesh,
         )
-        solved = {"rtol": rtol, "max_steps": max_steps, "release": release, "progress": progress, "phase": phase}
+        told = progress if progress is silent else _telling(progress, turn, scale)
+        solved = {"rtol": rtol, "max_steps": max_steps, "release": release, "progress": told, "phase": phase}
         for _ in range(_RENEWALS + 1):
-            found = solve(problem, feet, penalty, **solved)
-            shape, feet, total = _member(problem, found.theta), found.feet, total + found.steps
+            found = solve(problem, feet, penalty, **solved, resume=resume)
+            shape, feet, resume = _moved(shape, at_home(found.theta, mesh), free_flags), found.feet, None
+            total = total + at_home(found.steps, mesh).astype(jnp.int32)
             was_ready = jax.tree.structure(shape)
             shape = shape.renewed()
             if found.stopped or jax.tree.structure(shape) == was_ready:
@@ -124,9 +142,10 @@ def fit(
             problem = eqx.tree_at(lambda p: p.shape, problem, shape)
         if found is not None and found.stopped:
             break
-    foot = foot_at(shape, points, feet)
     assert found is not None
-    return Fit(shape, foot, Deviation(foot.distance), found.result, jnp.asarray(total, jnp.int32), found.stopped)
+    foot = cloud.home(over_shards(mesh, _feet, shape, points, feet))
+    deviation = Deviation(foot.distance, None if mesh is None or cloud.alone else cloud.counted)
+    return Fit(shape, foot, deviation, at_home(found.result, mesh), jnp.asarray(total, jnp.int32), found.stopped)
 
 
 @eqx.filter_jit
@@ -136,10 +155,27 @@ def _diagonal(points: Array) -> Float[Array, ""]:
 
 
 @eqx.filter_jit
-def _noise(shape: Any, points: Array, feet: Array, weights: Array, loss: str, size: Array) -> Float[Array, ""]:
+def _noise(distance: Array, weights: Array, loss: str, size: Array) -> Float[Array, ""]:
     """The scale of a robust loss, from the distances at hand; never 0."""
-    distance = foot_at(shape, points, feet).distance
     return jnp.maximum(noise_scale(distance, weights) * find_loss(loss).deviations, 1e-12 * size)
+
+
+def _nearest(shape: Any, points: Array) -> Float[Array, "N k"]:
+    return closest_point(shape, points).parameters.reshape(points.shape[0], -1)
+
+
+def _distances(shape: Any, points: Array, feet: Array) -> Float[Array, "N"]:
+    return foot_at(shape, points, feet).distance
+
+
+def _feet(shape: Any, points: Array, feet: Array) -> Foot:
+    return foot_at(shape, points, feet)
+
+
+def _telling(progress: Progress, turn: int, scale: Array) -> Progress:
+    """The progress, told too in which robust round it is."""
+    numbers = {"round": turn, "scale": float(scale)}
+    return lambda event: progress(event._replace(snapshot=event.snapshot and event.snapshot._replace(**numbers)))
 
 
 def _rest(shape: Any, rest: Any, free: tuple[bool, ...]) -> Float[Array, "P"]:
@@ -150,8 +186,8 @@ def _rest(shape: Any, rest: Any, free: tuple[bool, ...]) -> Float[Array, "P"]:
 
 
 @eqx.filter_jit
-def _member(problem: Problem, theta: Array) -> Any:
-    return problem.member(theta)
+def _moved(shape: Any, theta: Array, free: tuple[bool, ...]) -> Any:
+    return moved(shape, theta, free)
 
 
 def _rounds(loss: str) -> tuple[str, ...]:
@@ -162,29 +198,29 @@ def _rounds(loss: str) -> tuple[str, ...]:
     return ("huber", "huber", "huber") if loss == "huber" else ("huber", "huber", loss, loss)
 
 
-def _check(shape: Any, points: Array, weights: Any, fairness: float, bending: float | None) -> Float[Array, "N"]:
-    if points.ndim != 2:
-        raise InputError(f"`points` must have shape (N, 3), got {points.shape}.")
-    if is_concrete(points) and not np.all(np.isfinite(concrete(points))):
-        row = int(np.argmin(np.all(np.isfinite(concrete(points)), axis=1)))
-        raise InputError(f"`points` must be finite, but point {row + 1} is {concrete(points)[row]}; remove it.")
+def _check(shape: Any, cloud: ShardedPoints, weights: Any, fairness: float, bending: float | None) -> Float[Array, "N"]:
+    check_finite(cloud)
     check_weights(fairness, bending)
     for kind, controls, name in ((BSplineSurface, "control_points", "control points"), (QISurface, "tangents", "tangents")):
         if isinstance(shape, kind):
             n, m = getattr(shape, controls).shape[:2]
-            if points.shape[0] < n * m:
+            if cloud.count < n * m:
                 raise InputError(
-                    f"`points` must be at least as many as the {n * m} {name} ({n} × {m}), got {points.shape[0]}; "
+                    f"`points` must be at least as many as the {n * m} {name} ({n} × {m}), got {cloud.count}; "
                     "take fewer or measure more points."
                 )
     if weights is None:
-        return jnp.asarray(np.ones(points.shape[0]), points.dtype)
-    weights = as_float(weights, points.dtype)
-    if weights.shape != points.shape[:1]:
-        raise InputError(f"`weights` must have shape ({points.shape[0]},), one for each point, got {weights.shape}.")
-    if is_concrete(weights) and not (np.all(concrete(weights) >= 0) and np.any(concrete(weights) > 0)):
+        return cloud.counted
+    weights = as_float(weights, cloud.points.dtype)
+    if mesh_of(weights) is None and weights.shape != (cloud.here,):
+        raise InputError(f"`weights` must have shape ({cloud.here},), one for each point, got {weights.shape}.")
+    if mesh_of(weights) is None and is_concrete(weights) and not _counting(cloud, concrete(weights)):
         raise InputError("`weights` must be ≥ 0 and not all 0.")
-    return weights
+    return cloud.spread(weights) * cloud.counted
+
+
+def _counting(cloud: ShardedPoints, weights: np.ndarray) -> bool:
+    return bool(np.all(weights >= 0) and cloud.summed(np.asarray(np.sum(weights > 0))) > 0)
 
 
 def check_weights(fairness: float, bending: float | None) -> None:

@@ -1,5 +1,8 @@
 """Objective, gradient and Gauss-Newton matrix of a fit in one pass over the points."""
 
+from typing import Any
+
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -8,6 +11,7 @@ from ._background import background_terms
 from ._fairness import fairness_terms
 from ._normal_equations import accumulate
 from ._problem import Problem, linearise
+from ._shard import in_shards, total
 
 
 def evaluate(
@@ -17,12 +21,8 @@ def evaluate(
 
     penalty: the bending matrix of the control points or `None`. Values have no unit: mean squared distance over size².
     """
+    value, gradient, matrix, feet = data_terms(problem, theta, feet)
     shape = problem.member(theta)
-    feet = refine_feet(shape, problem.points, feet)
-    lines = linearise(shape, feet, problem.points, problem.sliding)
-    distance = jnp.sqrt(jnp.sum(lines.offset**2, axis=-1))
-    weights, value = problem.point_weights(distance)
-    gradient, matrix = accumulate(shape, problem, feet, lines, weights)
     if penalty is not None:
         # the net is the first leaf: rows of θ are control points, coordinates innermost
         scaled = problem.bending / problem.size**2 * penalty
@@ -42,3 +42,33 @@ def evaluate(
         more_value, more_gradient, more_matrix = fairness_terms(shape, problem)
         value, gradient, matrix = value + more_value, gradient + more_gradient, matrix + more_matrix
     return value, gradient, matrix, feet
+
+
+def data_terms(
+    problem: Problem, theta: Float[Array, "P"], feet: Float[Array, "N k"]
+) -> tuple[Float[Array, ""], Float[Array, "P"], Float[Array, "P P"], Float[Array, "N k"]]:
+    """What `evaluate` sums over the points; of points spread over devices each device sums its own."""
+    if problem.mesh is None:
+        return _sums(problem, theta, feet)
+    split = lambda p: (p.points, p.weights)
+    bare = eqx.tree_at(split, problem, (None, None))
+
+    def one_shard(whole: Any, rows: Any) -> Any:
+        bare, theta = whole
+        *point_rows, feet = rows
+        return _sums(eqx.tree_at(split, bare, tuple(point_rows), is_leaf=lambda x: x is None), theta, feet)
+
+    results = (False, False, False, True)
+    return in_shards(problem.mesh, one_shard, (bare, theta), (*split(problem), feet), results)
+
+
+def _sums(
+    problem: Problem, theta: Float[Array, "P"], feet: Float[Array, "N k"]
+) -> tuple[Float[Array, ""], Float[Array, "P"], Float[Array, "P P"], Float[Array, "N k"]]:
+    shape = problem.member(theta)
+    feet = refine_feet(shape, problem.points, feet)
+    lines = linearise(shape, feet, problem.points, problem.sliding)
+    distance = jnp.sqrt(jnp.sum(lines.offset**2, axis=-1))
+    weights, value = problem.point_weights(distance)
+    gradient, matrix = accumulate(shape, problem, feet, lines, weights)
+    return *total((value, gradient, matrix), problem.mesh), feet

@@ -13,6 +13,7 @@ from .._array import map_points
 from .._errors import InputError
 from ..query import held_parameters, value_and_tangents
 from ._losses import LOSSES, Loss
+from ._shard import total
 
 
 class Problem(eqx.Module):
@@ -21,7 +22,8 @@ class Problem(eqx.Module):
     The unknowns θ are the free leaves, flattened in order; `shape` holds their start and all that is fixed. The objective
     is ½ Σ w s² ρ(d²/s²) / (size² Σ w) plus half the penalties, d the distance to the foot point, and so without unit.
     weights: (N,) ≥ 0; scale: s of the loss; bending and fairness: weights of the two penalties; sliding: see
-    `linearise`; rest: the θ at which nothing is bent, 0 for a flat sheet.
+    `linearise`; rest: the θ at which nothing is bent, 0 for a flat sheet; mesh: of the devices over which the points lie
+    spread, `None` for one.
     """
 
     shape: Any
@@ -36,6 +38,7 @@ class Problem(eqx.Module):
     free: tuple[bool, ...] = eqx.field(static=True)
     loss: str = eqx.field(static=True)
     fair: bool = eqx.field(static=True)
+    mesh: Any = eqx.field(static=True, default=None)
 
     def unknowns(self, shape: Any = None) -> Float[Array, "P"]:
         """θ of `shape`, by default of the start."""
@@ -43,22 +46,27 @@ class Problem(eqx.Module):
 
     def member(self, theta: Float[Array, "P"]) -> Any:
         """The shape with unknowns θ."""
-        leaves, structure = jax.tree.flatten(self.shape)
-        filled, at = [], 0
-        for leaf, free in zip(leaves, self.free, strict=True):
-            filled.append(theta[at : at + leaf.size].reshape(leaf.shape) if free else leaf)
-            at += leaf.size if free else 0
-        return jax.tree.unflatten(structure, filled)
+        return moved(self.shape, theta, self.free)
 
     def point_weights(self, distance: Float[Array, "N"]) -> tuple[Float[Array, "N"], Float[Array, ""]]:
         """Weights of the points in the normal equations, and the data term of the objective."""
         loss: Loss = LOSSES[self.loss]
-        unit = self.size**2 * jnp.sum(self.weights)
+        unit = self.size**2 * total(jnp.sum(self.weights), self.mesh)
         if self.loss == "squared":
             return self.weights / unit, 0.5 * jnp.sum(self.weights * distance**2) / unit
         z = (distance / self.scale) ** 2
         value = 0.5 * jnp.sum(self.weights * self.scale**2 * loss.value(z)) / unit
         return self.weights * loss.weight(z) / unit, value
+
+
+def moved(shape: Any, theta: Float[Array, "P"], free: tuple[bool, ...]) -> Any:
+    """The shape with its free leaves filled from θ."""
+    leaves, structure = jax.tree.flatten(shape)
+    filled, at = [], 0
+    for leaf, moves in zip(leaves, free, strict=True):
+        filled.append(theta[at : at + leaf.size].reshape(leaf.shape) if moves else leaf)
+        at += leaf.size if moves else 0
+    return jax.tree.unflatten(structure, filled)
 
 
 def unknowns_of(shape: Any, free: tuple[bool, ...]) -> Float[Array, "P"]:

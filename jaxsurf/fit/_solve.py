@@ -14,6 +14,8 @@ from jaxtyping import Array, Bool, Float, Int
 from .._progress import Event, Progress, silent
 from ._objective import evaluate
 from ._problem import Problem
+from ._shard import on_mesh
+from ._snapshot import Snapshot
 
 EvalGradHessian = optx.FunctionInfo.EvalGradHessian
 
@@ -138,22 +140,23 @@ def solve(
     release: float = 1.0,
     progress: Progress = silent,
     phase: str = "fit",
+    resume: Snapshot | None = None,
 ) -> Solved:
     """Minimise the problem's objective from its start.
 
     Silent work is one compiled `optimistix.minimise`; with a `progress` that shows or stops, the same solver is stepped
-    from outside.
+    from outside. resume: the snapshot of which the problem's shape and the feet are; only with a `progress`.
     """
     # arrays, not floats: another tolerance must not compile again
     known = lambda x: jnp.asarray(x, problem.points.dtype)
     solver = NormalEquationsSolver(rtol=known(rtol), atol=0.0, release=known(release))
+    args = problem, feet, penalty = on_mesh((problem, feet, penalty), problem.mesh)
     theta = problem.unknowns()
-    args = (problem, feet, penalty)
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
         if progress is silent:
             found = optx.minimise(_objective, solver, theta, args, has_aux=True, max_steps=max_steps, throw=False)
             return Solved(found.value, found.aux[2], found.stats["num_steps"], found.result)
-        return _stepwise(solver, theta, args, max_steps, progress, phase)
+        return _stepwise(solver, theta, args, max_steps, progress, phase, resume)
 
 
 def _objective(theta: Float[Array, "P"], args: Any) -> tuple[Float[Array, ""], Any]:
@@ -163,23 +166,44 @@ def _objective(theta: Float[Array, "P"], args: Any) -> tuple[Float[Array, ""], A
 
 
 def _stepwise(
-    solver: NormalEquationsSolver, theta: Array, args: Any, max_steps: int, progress: Progress, phase: str
+    solver: NormalEquationsSolver,
+    theta: Array,
+    args: Any,
+    max_steps: int,
+    progress: Progress,
+    phase: str,
+    resume: Snapshot | None,
 ) -> Solved:
-    # through the host, so that no leaf is weakly typed and the second step does not compile again
-    state = jax.tree.map(
-        lambda x: jnp.asarray(np.asarray(x)),
-        solver.init(_objective, theta, args, {}, None, None, frozenset()),
-    )
     problem = args[0]
-    steps, stopped = 0, False
-    for steps in range(1, max_steps + 1):
+    state = solver.init(_objective, theta, args, {}, None, None, frozenset())
+    if resume is not None:
+        known = lambda x: jnp.asarray(x, theta.dtype)
+        places = lambda s: (s.step_size, s.search)
+        search = jax.tree.map(lambda _: known(resume.step_size), state.search)
+        state = eqx.tree_at(places, state, (known(resume.measured), search))
+    state = _settled(state, problem.mesh)
+    steps, stopped, begun = 0, False, 0 if resume is None else resume.steps - 1
+    measured = step_size = float(state.step_size)
+    for steps in range(begun + 1, max_steps + 1):
         theta, state = _compiled_step(solver, theta, args, state)
+        # a refused step is smaller, and leaves what was measured before
+        before, step_size = step_size, float(state.step_size)
+        measured = before if step_size >= before else measured
         value = float(state.info.f)
-        stopped = bool(progress(Event(phase, steps, max_steps, (2 * value) ** 0.5 * float(problem.size))))
+        here = Snapshot(np.asarray(theta), step_size, measured, steps)
+        event = Event(phase, steps, max_steps, (2 * value) ** 0.5 * float(problem.size), here)
+        stopped = bool(progress(event))
         if stopped or bool(state.done) or not np.isfinite(value):
             break
     result = state.result if bool(state.done) or stopped else optx.RESULTS.nonlinear_max_steps_reached
     return Solved(theta, state.feet, jnp.asarray(np.int32(steps)), result, stopped)
+
+
+def _settled(state: _State, mesh: Any) -> _State:
+    """The state with every array where, and of the type that, a step leaves it: the second step does not compile again."""
+    if mesh is not None:
+        return on_mesh(state, mesh)
+    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)), state)
 
 
 @eqx.filter_jit
