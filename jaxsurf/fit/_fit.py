@@ -143,9 +143,18 @@ def fit(
         if found is not None and found.stopped:
             break
     assert found is not None
-    foot = cloud.home(over_shards(mesh, _feet, shape, points, feet))
-    deviation = Deviation(foot.distance, None if mesh is None or cloud.alone else cloud.counted)
+    foot, deviation = _at_feet(shape, cloud, feet)
     return Fit(shape, foot, deviation, at_home(found.result, mesh), jnp.asarray(total, jnp.int32), found.stopped)
+
+
+def nearest_feet(shape: Any, cloud: ShardedPoints) -> tuple[Foot, Deviation]:
+    """The feet of a cloud on a shape, as a fit gives them."""
+    return _at_feet(shape, cloud, over_shards(cloud.mesh, _nearest, shape, cloud.points))
+
+
+def _at_feet(shape: Any, cloud: ShardedPoints, feet: Array) -> tuple[Foot, Deviation]:
+    foot = cloud.home(over_shards(cloud.mesh, _feet, shape, cloud.points, feet))
+    return foot, Deviation(foot.distance, None if cloud.alone else cloud.counted)
 
 
 @eqx.filter_jit

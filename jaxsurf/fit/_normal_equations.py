@@ -99,7 +99,7 @@ def _(
     first_u, first_v = (
         jax.vmap(lambda t, b=basis: b.local(t)[0])(parameters[:, i]) for i, basis in enumerate((cells.u, cells.v))
     )
-    slots, block_cell = _sort_into_blocks(first_u * cells.count_v + first_v, cells.count)
+    slots, block_cell = sort_into_blocks(first_u * cells.count_v + first_v, cells.count)
     gather = lambda x: jnp.concatenate([x, jnp.zeros_like(x[:1])])[slots]
     chunks = (gather(parameters), gather(lines.offset), gather(lines.root), gather(weights), block_cell)
 
@@ -161,20 +161,20 @@ def _spans(basis: BSplineBasis) -> int:
     return basis.size if basis.periodic else basis.size - basis.degree
 
 
-def _sort_into_blocks(
-    cell: Int[Array, "N"], count: int
+def sort_into_blocks(
+    cell: Int[Array, "N"], count: int, size: int = _BLOCK
 ) -> tuple[Int[Array, "groups group block"], Int[Array, "groups group"]]:
-    """Slots for the points, `_BLOCK` at a time of one cell; empty slots hold N. And the cell of each block."""
+    """Slots for the points, `size` at a time of one cell; empty slots hold N. And the cell of each block."""
     total = cell.shape[0]
-    blocks = -(-(total + count * (_BLOCK - 1)) // _BLOCK)
+    blocks = -(-(total + count * (size - 1)) // size)
     blocks = -(-blocks // _GROUP) * _GROUP if blocks > _GROUP else blocks
     order = jnp.argsort(cell).astype(jnp.int32)
     counts = jnp.zeros(count, jnp.int32).at[cell].add(1)
-    reserved = (counts + _BLOCK - 1) // _BLOCK * _BLOCK
+    reserved = (counts + size - 1) // size * size
     ordered = cell[order]
     rank = jnp.arange(total, dtype=jnp.int32) - (jnp.cumsum(counts) - counts)[ordered]
     slot = (jnp.cumsum(reserved) - reserved)[ordered] + rank
-    slots = jnp.full(blocks * _BLOCK, total, jnp.int32).at[slot].set(order)
-    block_cell = jnp.zeros(blocks, jnp.int32).at[slot // _BLOCK].set(ordered.astype(jnp.int32))
+    slots = jnp.full(blocks * size, total, jnp.int32).at[slot].set(order)
+    block_cell = jnp.zeros(blocks, jnp.int32).at[slot // size].set(ordered.astype(jnp.int32))
     group = min(_GROUP, blocks)
-    return slots.reshape(-1, group, _BLOCK), block_cell.reshape(-1, group)
+    return slots.reshape(-1, group, size), block_cell.reshape(-1, group)
