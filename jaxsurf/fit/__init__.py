@@ -1,12 +1,18 @@
 from ._align import Alignment as Alignment, align as align
-from ._cloud import CloudFit as CloudFit, Stage as Stage, fit_cloud as fit_cloud
+from ._cloud import CloudFit as CloudFit, Stage as Stage, fit_cloud as fit_cloud, sample_index as sample_index
 from ._coverage import Coverage as Coverage, coverage as coverage
 from ._deviation import Deviation as Deviation
 from ._fit import Fit as Fit, fit as fit, side_lengths as side_lengths
 from ._outline import trim_to_cloud as trim_to_cloud
 from ._parametrise import Parametrisation as Parametrisation, parametrise as parametrise
 from ._patchwork import JoinedPatches as JoinedPatches, join_patches as join_patches
-from ._processes import join_processes as join_processes
+from ._processes import (
+    any_process as any_process,
+    join_processes as join_processes,
+    process_count as process_count,
+    process_index as process_index,
+    same_error as same_error,
+)
 from ._quaternion_cloud import (
     fit_qi as fit_qi,
     numbers_of as numbers_of,

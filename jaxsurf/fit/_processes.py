@@ -44,7 +44,7 @@ def process_count() -> int:
     return jax.process_count()
 
 
-def gathered(values: np.ndarray) -> np.ndarray:
+def gathered(values: Any) -> np.ndarray:
     """What each process has, equally large in all, along a new first axis; all processes must call it together."""
     values = np.asarray(values)
     if process_count() == 1:
@@ -54,7 +54,7 @@ def gathered(values: np.ndarray) -> np.ndarray:
     return np.asarray(multihost_utils.process_allgather(values, tiled=False))
 
 
-def summed(values: np.ndarray) -> np.ndarray:
+def summed(values: Any) -> np.ndarray:
     """The sum over the processes; all must call it together."""
     return gathered(values).sum(axis=0)
 
@@ -62,6 +62,15 @@ def summed(values: np.ndarray) -> np.ndarray:
 def any_process(wish: bool) -> bool:
     """Whether one of the processes says yes; all must call it together."""
     return bool(gathered(np.asarray(wish, np.int32)).any())
+
+
+def same_error(error: InputError | None) -> InputError | None:
+    """The error of the first process that has one, in every process; all must call it together."""
+    room = np.zeros(2000, np.uint8)
+    text = np.frombuffer(str(error or "").encode()[: len(room)], np.uint8)
+    room[: len(text)] = text
+    said = [bytes(row).rstrip(b"\0").decode(errors="ignore") for row in gathered(room)]
+    return next((InputError(sentence) for sentence in said if sentence), None)
 
 
 def from_first(tree: Any) -> Any:

@@ -10,8 +10,8 @@ from ..surface import BSplineSurface
 
 def refined_knots(
     surface: BSplineSurface,
-    parameters: Float[Array, "N 2"],
-    signed: Float[Array, "N"],
+    parameters: Float[Array | np.ndarray, "N 2"],
+    signed: Float[Array | np.ndarray, "N"],
     tolerance: float,
     max_spans: int,
     summed: Callable[[np.ndarray], np.ndarray] = lambda counts: counts,

@@ -69,17 +69,17 @@ class ShardedPoints(eqx.Module):
             return tree
         return jax.tree.map(lambda rows: jnp.asarray(self.rows(rows)), tree)
 
-    def picked(self, index: np.ndarray) -> np.ndarray:
-        """The points of some numbers, ascending, in every process."""
-        mine = self.rows(self.points)
+    def picked(self, index: np.ndarray, values: Any = None) -> np.ndarray:
+        """The points of some numbers, or their rows of another array, in every process."""
+        mine = self.rows(self.points if values is None else values)
         if self.alone:
             return mine[index]
         inside = (index >= self.first) & (index < self.first + len(mine))
-        whole = np.zeros((len(index), mine.shape[1]), mine.dtype)
+        whole = np.zeros((len(index), *mine.shape[1:]), mine.dtype)
         whole[inside] = mine[index[inside] - self.first]
         return processes.summed(whole)
 
-    def summed(self, values: np.ndarray) -> np.ndarray:
+    def summed(self, values: Any) -> np.ndarray:
         """The sum over the processes of what each has found in its rows."""
         return np.asarray(values) if self.alone else processes.summed(values)
 
