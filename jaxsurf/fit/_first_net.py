@@ -15,6 +15,7 @@ from ._bending import bending_of
 from ._fit import faint_bending, fit
 from ._linear import linear_fit
 from ._parametrise import Parametrisation
+from ._shard import at_home
 from ._sharded_points import ShardedPoints, whole_points
 
 SLIDING = 0.1  # keeps the isolines of the net even: they follow the unrolled sheet
@@ -38,7 +39,7 @@ def linear_start(
     assert bending is not None
     weight = faint_bending(max(count), attenuation)
     net = linear_fit(flat, cloud.points, cloud.spread(parameters), cloud.counted, bending, weight, cloud.mesh)
-    return eqx.tree_at(lambda s: s.control_points, flat, net)
+    return eqx.tree_at(lambda s: s.control_points, flat, at_home(net, cloud.mesh))
 
 
 def best_start(
