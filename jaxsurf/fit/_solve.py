@@ -182,7 +182,7 @@ def _stepwise(
         search = jax.tree.map(lambda _: known(resume.step_size), state.search)
         state = eqx.tree_at(places, state, (known(resume.measured), search))
     state = _settled(state, problem.mesh)
-    steps, stopped, begun = 0, False, 0 if resume is None else resume.steps - 1
+    steps, stopped, done, begun = 0, False, False, 0 if resume is None else resume.steps - 1
     measured = step_size = float(state.step_size)
     for steps in range(begun + 1, max_steps + 1):
         theta, state = _compiled_step(solver, theta, args, state)
@@ -190,12 +190,14 @@ def _stepwise(
         before, step_size = step_size, float(state.step_size)
         measured = before if step_size >= before else measured
         value = float(state.info.f)
-        here = Snapshot(np.asarray(theta), step_size, measured, steps)
+        # what was done before is measured again, and no step more is made
+        done = bool(state.done) or (resume is not None and resume.done)
+        here = Snapshot(np.asarray(theta), step_size, measured, steps, done)
         event = Event(phase, steps, max_steps, (2 * value) ** 0.5 * float(problem.size), here)
         stopped = bool(progress(event))
-        if stopped or bool(state.done) or not np.isfinite(value):
+        if stopped or done or not np.isfinite(value):
             break
-    result = state.result if bool(state.done) or stopped else optx.RESULTS.nonlinear_max_steps_reached
+    result = state.result if done or stopped else optx.RESULTS.nonlinear_max_steps_reached
     return Solved(theta, state.feet, jnp.asarray(np.int32(steps)), result, stopped)
 
 
