@@ -35,12 +35,15 @@ def place(tmp_path_factory):
     return folder
 
 
-def started(place, *arguments, flags="") -> subprocess.Popen:
-    known = {"XDG_CACHE_HOME": str(place / "cache"), "PYTHONPATH": os.pathsep.join([str(PACKAGE), *sys.path])}
+def known(place) -> dict[str, str]:
+    return {"XDG_CACHE_HOME": str(place / "cache"), "PYTHONPATH": os.pathsep.join([str(PACKAGE), *sys.path])}
+
+
+def started(place, *arguments) -> subprocess.Popen:
     return subprocess.Popen(
         [sys.executable, "-m", "jaxsurf", "fit", "sheet.xyz", *OPTIONS, *map(str, arguments)],
         cwd=place,
-        env={**os.environ, **known},
+        env={**os.environ, **known(place)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -127,11 +130,12 @@ def test_workers_refuse_what_one_process_refuses(place):
     for arguments, match in (
         (("bad.xyz", "--processes", 2), r"Cannot read 'bad.xyz': .* in line 291 \(1 of 150 points"),
         (("none.xyz", "--processes", 2), "the file does not exist"),
+        (("sheet.xyz", "--resume"), "`resume` found no checkpoint 'bad.jxs.checkpoint'"),
     ):
         process = subprocess.run(
             [sys.executable, "-m", "jaxsurf", "fit", *map(str, arguments), "--save", "bad.jxs"],
             cwd=place,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(PACKAGE), *sys.path])},
+            env={**os.environ, **known(place)},
             capture_output=True,
             text=True,
         )
@@ -146,7 +150,6 @@ def test_workers_refuse_what_one_process_refuses(place):
         (("--processes", "0"), "`--processes` must be at least 1, got 0"),
         (("--processes", "2", "--distributed"), "give one"),
         (("--processes", "2", "--family", "qi"), "belong to `--family bspline`, and the family is qi"),
-        (("--resume",), "`resume` found no checkpoint"),
     ],
 )
 def test_options_that_do_not_fit_are_refused(place, capsys, arguments, match):
