@@ -66,7 +66,8 @@ def _parser() -> argparse.ArgumentParser:
 
 _FIT = """Fit a surface to an unordered, sheet-like point cloud and write it as a CAD file. Points: .xyz .txt
 .csv .npz .npy .ply .stl .obj, and .las .laz .e57 .pcd with the extra `scan`. Ctrl-C stops at the best surface so far
-and writes that."""
+and writes that. With --processes the points are shared out to several processes; what --distributed joins is started by
+a launcher, or told by JAX_COORDINATOR_ADDRESS, JAX_NUM_PROCESSES and JAX_PROCESS_ID."""
 
 
 def _add_fit(parser: argparse.ArgumentParser) -> None:

@@ -161,7 +161,7 @@ def deviation_picture(found: Any, points: np.ndarray, unit: str, shape: Any, pat
     return deviation(shape, found.foot.parameters, found.deviation.signed, points, unit=unit, path=path)
 
 
-def figures(options: argparse.Namespace, found: Any, points: np.ndarray) -> Rows:
+def figures(options: argparse.Namespace, found: Any, points: Any) -> Rows:
     """(label, value, unit) of everything that was measured."""
     unit, deviation = options.unit, found.deviation
     rows: Rows = [

@@ -211,9 +211,9 @@ def _measured(shape: BSplineSurface, cloud: ShardedPoints) -> Fit:
 
 def left_out(count: int, share: float, seed: int, first: int = 0) -> np.ndarray:
     """Which of `count` points a check fit does not see; first: the number of the first of them in the whole cloud."""
-    draws = np.random.default_rng(seed)
-    draws.bit_generator.advance(first)
-    return draws.uniform(size=count) < share
+    bits = np.random.PCG64(seed)  # those of `default_rng`
+    bits.advance(first)
+    return np.random.Generator(bits).uniform(size=count) < share
 
 
 def _hold_out(

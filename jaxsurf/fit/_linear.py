@@ -7,12 +7,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._array import eps
 from ..surface import BSplineSurface
 from ._normal_equations import KnotCells, sort_into_blocks
 from ._shard import in_shards, total
 
 _BLOCK = 64  # points of one knot cell that are multiplied together
-_RIDGE = 1e-13  # of the mean of the diagonal
+_RIDGE = 1e-13  # of the mean of the diagonal, in double precision
 
 
 def linear_fit(
@@ -46,7 +47,8 @@ def _compiled(
             mesh, lambda surface, rows: _sums(surface, rows, mesh), surface, rows, (False, False, False)
         )
     matrix = matrix + weight * bending
-    matrix = matrix + jnp.eye(n * m, dtype=matrix.dtype) * (_RIDGE * jnp.trace(matrix) / (n * m))
+    ridge = max(_RIDGE, 16 * eps(matrix.dtype))
+    matrix = matrix + jnp.eye(n * m, dtype=matrix.dtype) * (ridge * jnp.trace(matrix) / (n * m))
     net = jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(matrix, lower=True), right)
     return (net + centre[None, :]).reshape(n, m, 3)
 

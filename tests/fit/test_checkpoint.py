@@ -1,5 +1,7 @@
 """Cloud fits that go on after they were cut off."""
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from jaxsurf._errors import InputError
 from jaxsurf.fit import _checkpoint
 
 SIZE = 14.0
-OPTIONS = {"spans": (3, 3), "tolerance": 0.012, "max_spans": 6, "holdout": 0.1, "loss": "huber"}
+OPTIONS: dict[str, Any] = {"spans": (3, 3), "tolerance": 0.012, "max_spans": 6, "holdout": 0.1, "loss": "huber"}
 
 
 @pytest.fixture(autouse=True)
@@ -63,6 +65,7 @@ def test_a_fit_that_was_cut_off_goes_on_to_the_same_surface(whole, tmp_path, pla
     again = js.fit_cloud(sheet(), **OPTIONS, checkpoint=path, resume=True, progress=on)
     assert len(on.seen) <= len(seen) - places(seen)[place] + 1
     np.testing.assert_allclose(again.shape.control_points, found.shape.control_points, rtol=0, atol=1e-8 * SIZE)
+    assert again.holdout is not None
     np.testing.assert_allclose(again.holdout.rms, found.holdout.rms, rtol=1e-6)
     assert [s.spans for s in again.stages] == [s.spans for s in found.stages]
 
@@ -70,13 +73,14 @@ def test_a_fit_that_was_cut_off_goes_on_to_the_same_surface(whole, tmp_path, pla
 def test_a_checkpoint_belongs_to_its_cloud_and_options(tmp_path):
     path = tmp_path / "part.checkpoint"
     js.fit_cloud(sheet(), spans=(2, 2), checkpoint=path, progress=Cut(1))
-    for points, options, match in (
+    refused: tuple[tuple[Any, dict[str, Any], str], ...] = (
         (sheet(701), {"spans": (2, 2)}, "number of points was 700, and is 701"),
         (sheet() + [0, 0, 1e-9], {"spans": (2, 2)}, "digest of the points was"),
         (sheet(), {"spans": (2, 3)}, r"spans was \[2, 2\], and is \[2, 3\]"),
         (sheet(), {"spans": (2, 2), "loss": "huber"}, "loss was squared, and is huber"),
         (jnp.asarray(sheet(), jnp.float32), {"spans": (2, 2)}, "digest of the points was"),
-    ):
+    )
+    for points, options, match in refused:
         with pytest.raises(InputError, match=match):
             js.fit_cloud(points, **options, checkpoint=path, resume=True)
 

@@ -101,8 +101,8 @@ def test_the_net_of_least_squares_at_known_parameters():
     design = np.einsum("ni,nj->nij", *along).reshape(900, -1)
     matrix = (design.T * weights) @ design / weights.sum() + 1e-6 * bending
     expected = np.linalg.solve(matrix, (design.T * weights) @ points / weights.sum())
-    given = (jnp.asarray(x) for x in (points, np.stack([u, v], -1), weights, bending))
-    found = linear_fit(surface, *given, 1e-6)
+    given = [jnp.asarray(x) for x in (points, np.stack([u, v], -1), weights, bending)]
+    found = linear_fit(surface, given[0], given[1], given[2], given[3], 1e-6)
     np.testing.assert_allclose(found, expected.reshape(6, 6, 3), rtol=0, atol=1e-9)
 
 
