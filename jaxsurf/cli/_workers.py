@@ -67,7 +67,7 @@ def is_member(options: argparse.Namespace) -> bool:
     return options.distributed or ((options.processes or 1) > 1 and _WORKER in os.environ)
 
 
-def run_workers(arguments: Sequence[str], count: int, checkpoint: str) -> int:
+def run_workers(arguments: Sequence[str], count: int, checkpoint: str | None) -> int:
     """Start `count` processes of this command, wait for them, and return the exit status of the first.
 
     If one dies the others are stopped at once, and one sentence names it, on standard error. Ctrl-C is passed on to the

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from .._errors import InputError
 
@@ -103,8 +103,3 @@ def total(values: Any, mesh: Mesh | None) -> Any:
 @eqx.filter_jit
 def _compiled(mesh: Mesh, function: Callable[..., Any], whole: Any, *rows: Array) -> Any:
     return in_shards(mesh, lambda whole, rows: function(whole, *rows), whole, rows, True)
-
-
-def every_device_has(rows: Float[Array, "N ..."]) -> bool:
-    """Whether this process can see all rows."""
-    return isinstance(rows, Tracer) or rows.is_fully_addressable

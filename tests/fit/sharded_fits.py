@@ -35,7 +35,7 @@ def main(path: str) -> None:
     results = {}
     # Stiff: of a net that nothing but noise holds, the order of the points alone moves control points by 1e-7.
     options = {"loss": "huber", "bending": 1e-5, "weights": WEIGHTS, "progress": lambda event: False}
-    for count in (0, 2, 4):
+    for count in (0, 4):
         found = js.fit(START, spread(POINTS, count), **options)
         results[f"robust {count}"] = found.shape.control_points
         results[f"feet {count}"] = found.foot.parameters
@@ -43,6 +43,7 @@ def main(path: str) -> None:
     for count in (0, 4):
         cloud = js.fit_cloud(spread(POINTS, count), spans=(3, 2), tolerance=0.06, max_spans=5, holdout=0.2)
         results[f"cloud {count}"] = cloud.shape.control_points
+        assert cloud.holdout is not None
         results[f"left out {count}"] = cloud.holdout.rms
     mesh = Mesh(np.asarray(jax.devices()[:2]), ("any name",))
     placed = jax.device_put(POINTS, NamedSharding(mesh, PartitionSpec("any name")))
@@ -52,7 +53,7 @@ def main(path: str) -> None:
         js.fit(START, jax.device_put(POINTS, NamedSharding(square, PartitionSpec("a"))))
     except js.InputError as error:
         results["refusal"] = str(error)
-    np.savez(path, **{name: np.asarray(value) for name, value in results.items()})
+    np.savez(path, allow_pickle=False, **{name: np.asarray(value) for name, value in results.items()})
 
 
 if __name__ == "__main__":
