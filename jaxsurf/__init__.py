@@ -126,6 +126,7 @@ from .fit import (
     join_ranges as join_ranges,
     parametrise as parametrise,
     qi_plane as qi_plane,
+    shard_points as shard_points,
     trim_to_cloud as trim_to_cloud,
 )
 from .query import Foot as Foot, closest_point as closest_point

@@ -1,20 +1,22 @@
 """Progress of long work: the library reports, the caller shows."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Event(NamedTuple):
     """One step of long work.
 
     phase: what is being done, in words; step: steps done in this phase; steps: how many there will be at most, or
-    `None`; rms: the present root mean square deviation, or `None`.
+    `None`; rms: the present root mean square deviation, or `None`; snapshot: what a fit needs to go on from here, or
+    `None`.
     """
 
     phase: str
     step: int = 0
     steps: int | None = None
     rms: float | None = None
+    snapshot: Any = None
 
 
 Progress = Callable[[Event], object]

@@ -27,6 +27,7 @@ FORMATS = runpy.run_path(str(Path(__file__).parent / "io" / "cloud_files.py"))["
 NOISE = 0.005
 OPTIONS = ("output", "spans", "tolerance", "quantile", "max-spans", "degree", "smooth", "loss", "holdout", "trim")
 OPTIONS += ("unit", "report", "picture", "save", "quiet", "family", "tangents", "rotation")
+OPTIONS += ("processes", "distributed", "checkpoint", "resume")
 CACHE = (
     "jax_enable_x64",
     "jax_compilation_cache_dir",

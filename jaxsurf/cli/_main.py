@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 from .._errors import InputError
 from . import _output as output
 from ._cache import keep_compilations
+from ._workers import add_processes, as_worker, checkpoint_of, is_member, is_parent, run_workers
 
 _FAILED = 2
 
@@ -17,6 +18,7 @@ _FAILED = 2
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run `jaxsurf …`; returns the exit status: 0, 2 after bad input (one sentence on stderr), 130 after Ctrl-C."""
     options = _parser().parse_args(arguments)
+    options.arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
         return options.run(options)
     except InputError as error:
@@ -64,7 +66,8 @@ def _parser() -> argparse.ArgumentParser:
 
 _FIT = """Fit a surface to an unordered, sheet-like point cloud and write it as a CAD file. Points: .xyz .txt
 .csv .npz .npy .ply .stl .obj, and .las .laz .e57 .pcd with the extra `scan`. Ctrl-C stops at the best surface so far
-and writes that."""
+and writes that. With --processes the points are shared out to several processes; what --distributed joins is started by
+a launcher, or told by JAX_COORDINATOR_ADDRESS, JAX_NUM_PROCESSES and JAX_PROCESS_ID."""
 
 
 def _add_fit(parser: argparse.ArgumentParser) -> None:
@@ -128,6 +131,7 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         help="share of the points left out of a check fit (default 0.1)",
     )
     parser.add_argument("--trim", action="store_true", help="trim the exported face to the outline of the cloud")
+    add_processes(parser)
     output.add_files(parser)
     parser.set_defaults(run=_fit)
 
@@ -135,10 +139,16 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
 def _fit(options: argparse.Namespace) -> int:
     begun = time.perf_counter()
     output.check_targets(options)
+    options.checkpoint = checkpoint_of(options)
+    if is_parent(options):
+        return run_workers(options.arguments, options.processes, options.checkpoint)
     import jax
 
     jax.config.update("jax_enable_x64", True)
     keep_compilations()
+    if is_member(options):
+        with as_worker(options.checkpoint) as leader:
+            return _fit_together(options, begun, leader)
     from ..io import read_points
     from ._progress_bar import watching
 
@@ -146,7 +156,26 @@ def _fit(options: argparse.Namespace) -> int:
     with watching(quiet=options.quiet) as progress:
         found = _FAMILIES[options.family](options, points, progress)
     rows = output.figures(options, found, points)
+    return _write(options, found, points, rows, begun)
+
+
+def _fit_together(options: argparse.Namespace, begun: float, leader: bool) -> int:
+    """The same fit in one of several processes; all measure, and the leader writes and prints."""
+    from ..fit import shard_points
+    from ._progress_bar import watching
+
+    points = shard_points(output.read_part(options.cloud))
+    with watching(quiet=options.quiet or not leader) as progress:
+        found = _found_bspline(options, points, progress)
+    rows = output.figures(options, found, points)
+    found, points = output.sampled(found, points)
+    return _write(options, found, points, rows, begun) if leader else 0
+
+
+def _write(options: argparse.Namespace, found: Any, points: Any, rows: output.Rows, begun: float) -> int:
     written = output.write_all(options, found, points, rows, begun)
+    if options.checkpoint and not found.stopped:
+        Path(options.checkpoint).unlink(missing_ok=True)
     if not options.quiet:
         print("\n".join(output.summary_lines(options, found, output.timed(rows, begun), written)))
     if found.stopped:
@@ -170,6 +199,8 @@ def _found_bspline(options: argparse.Namespace, points: Any, progress: Any) -> A
         fairness=options.smooth,
         holdout=options.holdout,
         progress=progress,
+        checkpoint=options.checkpoint,
+        resume=options.resume,
     )
 
 

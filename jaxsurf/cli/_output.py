@@ -1,6 +1,7 @@
 """What the commands write and print."""
 
 import argparse
+import dataclasses
 import time
 from pathlib import Path
 from typing import Any
@@ -98,6 +99,35 @@ def write_all(options: argparse.Namespace, found: Any, points: np.ndarray, rows:
     return written
 
 
+def read_part(cloud: str) -> np.ndarray:
+    """This process's part of the points of a file; a part that cannot be read is refused in every process."""
+    from ..fit import process_count, process_index, same_error
+    from ..io import read_points
+
+    part, error = np.empty((0, 3)), None
+    try:
+        part = read_points(cloud, shard=(process_index(), process_count()))
+    except InputError as refused:
+        error = refused
+    error = same_error(error)
+    if error is not None:
+        raise error
+    return part
+
+
+def sampled(found: Any, points: Any) -> tuple[Any, np.ndarray]:
+    """The fit of spread points, and the points, with those rows only that a picture shows, in every process."""
+    import jax
+    import jax.numpy as jnp
+
+    from ..fit import Deviation, sample_index
+
+    index = sample_index(points.count)
+    pick = lambda rows: jnp.asarray(points.picked(index, rows))
+    shown = {"foot": jax.tree.map(pick, found.foot), "deviation": Deviation(pick(found.deviation.signed))}
+    return dataclasses.replace(found, **shown), points.picked(index)
+
+
 def conversion_tolerance(found: Any) -> float:
     """How far the B-spline in a CAD file may be from the surface that was fitted: far below what the fit leaves."""
     extent = float(np.linalg.norm(np.ptp(np.asarray(found.foot.points), axis=0)))
@@ -131,11 +161,11 @@ def deviation_picture(found: Any, points: np.ndarray, unit: str, shape: Any, pat
     return deviation(shape, found.foot.parameters, found.deviation.signed, points, unit=unit, path=path)
 
 
-def figures(options: argparse.Namespace, found: Any, points: np.ndarray) -> Rows:
+def figures(options: argparse.Namespace, found: Any, points: Any) -> Rows:
     """(label, value, unit) of everything that was measured."""
     unit, deviation = options.unit, found.deviation
     rows: Rows = [
-        ("points", len(points), ""),
+        ("points", deviation.count, ""),
         *_SIZES[options.family](found.shape),
         ("rms deviation", float(deviation.rms), unit),
         ("mean deviation", float(deviation.mean), unit),
@@ -145,7 +175,7 @@ def figures(options: argparse.Namespace, found: Any, points: np.ndarray) -> Rows
     if found.holdout is not None:
         rows.append(
             (
-                f"rms deviation of {found.holdout.signed.shape[0]} points left out",
+                f"rms deviation of {found.holdout.count} points left out",
                 float(found.holdout.rms),
                 unit,
             )

@@ -1,31 +1,35 @@
 """From an unordered cloud to a B-spline surface: the main job."""
 
+import os
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+import optimistix as optx
+from jaxtyping import Array
 
-from .._array import Numbers, as_float, concrete
+from .._array import Numbers
 from .._errors import InputError
 from .._progress import Event, Progress, silent
-from ..basis import clamped_knots, refinement_matrix
+from ..basis import refinement_matrix
 from ..surface import BSplineSurface
-from ._bending import bending_of
+from . import _processes as processes
+from ._checkpoint import Checkpoint, Watched, cloud_mark
 from ._coverage import Coverage, coverage
 from ._deviation import Deviation
-from ._fit import Fit, check_weights, fit
+from ._first_net import ATTENUATION, SLIDING, best_start, linear_start
+from ._fit import Fit, check_weights, fit, nearest_feet
 from ._losses import find_loss
-from ._parametrise import Parametrisation, check_sheet, parametrise
+from ._parametrise import check_sheet, parametrise
 from ._pose import faint_bending, side_lengths
 from ._refine import refined_knots
+from ._sharded_points import ShardedPoints, check_finite, whole_points
 
 _COARSE = 4  # spans of the first net where a tolerance is to be met: enough to bend with the sheet
-_STIFF = 1.0  # the same for the first net, which must not fold
 _RTOL = 0.005  # relative gain of the objective below which a stage ends: the rest is gliding along the sheet
-_SLIDING = 0.1  # keeps the isolines of the net even: they follow the unrolled sheet
-_ATTENUATION = 0.1  # share of the shortest ripple of the net that the background bending takes away
+SAMPLE = 200_000  # points of a large cloud, at most, from which the first net is taken, and which pictures show
 
 
 class Stage(eqx.Module):
@@ -57,7 +61,7 @@ class CloudFit(eqx.Module):
 
 
 def fit_cloud(
-    points: Numbers,
+    points: Numbers | ShardedPoints,
     *,
     spans: tuple[Any, ...] | None = None,
     tolerance: float | None = None,
@@ -69,6 +73,8 @@ def fit_cloud(
     max_spans: int = 40,
     seed: int = 0,
     progress: Progress = silent,
+    checkpoint: str | os.PathLike | None = None,
+    resume: bool = False,
 ) -> CloudFit:
     """Fit a B-spline surface to an unordered sheet-like cloud (N, 3) of unknown parametrisation.
 
@@ -77,40 +83,65 @@ def fit_cloud(
     lies within, or `max_spans` are reached, or there would be fewer than two points for a control point. degree, loss,
     fairness: as in `fit`. holdout: share of the points that a second fit of the same net leaves out, to measure the
     deviation of points it has not seen (the surface that is returned has seen all).
+    checkpoint: a file in which the fit keeps where it stands, at every stage and about once a second; it stays when the fit
+    is done. resume: go on from there, with the same cloud and options; where that was compared, the surface came out as
+    that of the fit that was not cut off to 1e-10 of the size.
 
-    The cloud is unrolled (`parametrise`), a first net fitted, and refined; a true return value of `progress` stops at
-    the best surface so far. Raises `InputError` on clouds that carry no surface.
+    Points of `shard_points` are worked on by all of their devices. With several processes `foot` and `deviation` lie
+    spread over them, and all must ask for figures together.
+
+    The cloud is unrolled (`parametrise`; of more than 200 000 points every k-th), a first net fitted, and refined; a true
+    return value of `progress` stops at the best surface so far. Raises `InputError` on clouds that carry no surface, and
+    on a checkpoint of another cloud or of other options.
     """
-    points = as_float(points)
-    host = np.asarray(concrete(points), np.float64)
-    check_sheet(host)
+    cloud = whole_points(points)
+    check_finite(cloud)
+    sample = cloud.picked(sample_index(cloud.count))
+    check_sheet(sample)
     find_loss(loss)
     check_weights(fairness, None)
-    _check_options(len(host), spans, tolerance, quantile, degree, holdout, max_spans)
+    _check_options(cloud.count, spans, tolerance, quantile, degree, holdout, max_spans)
     most = min(8 if tolerance is None else _COARSE, max_spans)
-    first = (most, most) if spans is None else spans
-    _check_enough(len(host), first, degree)
+    first = (most, most) if spans is None else (int(spans[0]), int(spans[1]))
+    _check_enough(cloud.count, first, degree)
+    given = {"spans": list(first), "tolerance": tolerance, "quantile": quantile, "degree": degree, "loss": loss}
+    given |= {"fairness": fairness, "holdout": holdout, "max_spans": max_spans, "seed": seed}
+    mark = {} if checkpoint is None and not resume else cloud_mark(cloud, sample)
+    kept = Checkpoint(checkpoint, {**mark, **given, "type of the numbers": str(cloud.points.dtype)})
 
     watched = Watched(progress)
-    watched(Event("parametrise"))
     options = {"loss": loss, "fairness": fairness, "progress": watched}
-    start, feet = _best_start(points, parametrise(host), first, degree, watched)
-    rest = start
-    done = _refit(start, points, feet, rest, options)
-    stages = [_stage(done, tolerance)]
-    while tolerance is not None and not done.stopped and (stages[-1].within or 0) < quantile:
-        finer = refined_knots(done.shape, done.foot.parameters, done.deviation.signed, tolerance, max_spans)
-        if finer is None or 2 * np.prod([len(k) - degree - 1 for k in finer]) > len(host):
-            break
-        knots_u, knots_v = (jnp.asarray(k, points.dtype) for k in finer)
-        start = linear_start(points, done.foot.parameters, knots_u, knots_v, degree, side_lengths(done.shape))
-        rest = _on_knots(done.shape, knots_u, knots_v)
-        done = _refit(start, points, done.foot.parameters, rest, options)
-        stages.append(_stage(done, tolerance))
+    if resume:
+        state, snapshot = kept.read()
+        start, rest, stages = state["start"], state["rest"], [Stage(**stage) for stage in state["stages"]]
+        feet, done = None, _measured(start, cloud) if state["held_out"] else None
+    else:
+        watched(Event("parametrise"))
+        start, feet = _first_net(cloud, sample, first, degree, watched)
+        rest, stages, done, snapshot = start, [], None, None
+    watched.together, watched.keep = not cloud.alone, kept.keep
+
+    def begin(start: BSplineSurface, held_out: bool) -> None:
+        table = [{"spans": s.spans, "control_points": s.control_points, "rms": s.rms, "within": s.within} for s in stages]
+        kept.begin({"start": start, "rest": rest, "stages": table, "held_out": held_out}, snapshot)
+
+    while done is None:
+        begin(start, held_out=False)
+        done = _refit(start, cloud, feet, rest, {**options, "resume": snapshot})
+        snapshot = None
+        stages.append(_stage(done, cloud, tolerance))
+        finer = _finer(done, cloud, stages[-1], tolerance, quantile, max_spans)
+        if finer is not None:
+            knots_u, knots_v = (jnp.asarray(k, cloud.points.dtype) for k in finer)
+            feet = done.foot.parameters
+            start = linear_start(cloud, feet, knots_u, knots_v, degree, side_lengths(done.shape))
+            rest, done = _on_knots(done.shape, knots_u, knots_v), None
     missed = None
     if holdout > 0 and not done.stopped:
-        missed = _hold_out(done, points, rest, holdout, seed, options)
+        begin(done.shape, held_out=True)
+        missed = _hold_out(done, cloud, rest, holdout, seed, {**options, "resume": snapshot})
     met = None if tolerance is None else (stages[-1].within or 0) >= quantile
+    cells = coverage(done.shape, cloud.rows(done.foot.parameters)).covered
     return CloudFit(
         done.shape,
         done.foot,
@@ -118,113 +149,43 @@ def fit_cloud(
         done.result,
         watched.stop,
         None if watched.stop else missed,
-        coverage(done.shape, done.foot.parameters),
+        Coverage(cloud.summed(cells.astype(np.int32)) > 0),
         tuple(stages),
         met,
     )
 
 
-def linear_start(
-    points: Float[Array, "N 3"],
-    parameters: Float[Array, "N 2"],
-    knots_u: Float[Array, "k"],
-    knots_v: Float[Array, "l"],
-    degree: int,
-    sides: tuple[Any, Any],
-    attenuation: float = _ATTENUATION,
-) -> BSplineSurface:
-    """The net of least squares at known parameters, held by its bending energy where there are no points."""
-    from scipy.interpolate import BSpline
-    from scipy.linalg import solve
-
-    host = np.asarray(points, np.float64)
-    feet, knots = np.asarray(parameters, np.float64), [np.asarray(k, np.float64) for k in (knots_u, knots_v)]
-    along_u: Any = BSpline.design_matrix(feet[:, 0], knots[0], degree)
-    along_v: Any = BSpline.design_matrix(feet[:, 1], knots[1], degree)
-    count = along_u.shape[1], along_v.shape[1]
-    design = row_products(along_u, along_v)
-    flat = BSplineSurface(jnp.asarray(np.zeros((*count, 3)), points.dtype), knots_u, knots_v, degree, degree)
-    bending = np.asarray(bending_of(flat, sides), np.float64)
-    weight = faint_bending(max(count), attenuation)
-    matrix = (design.T @ design).toarray() / len(host) + weight * bending
-    matrix += np.eye(len(matrix)) * (1e-13 * np.trace(matrix) / len(matrix))
-    net = solve(matrix, design.T @ (host - host.mean(axis=0)) / len(host), assume_a="pos") + host.mean(axis=0)
-    return BSplineSurface(jnp.asarray(net.reshape(*count, 3), points.dtype), knots_u, knots_v, degree, degree)
+def sample_index(count: int) -> np.ndarray:
+    """Numbers of the points that stand for a cloud of `count`, whoever holds them: every k-th, `SAMPLE` at most."""
+    return np.arange(0, count, max(1, -(-count // SAMPLE)))
 
 
-def row_products(a: Any, b: Any) -> Any:
-    """The sparse matrix whose rows are the Kronecker products of the rows of two with equally many entries in each."""
-    from scipy.sparse import csr_matrix
-
-    rows, n, m = a.shape[0], a.shape[1], b.shape[1]
-    index_a, index_b = a.indices.reshape(rows, -1), b.indices.reshape(rows, -1)
-    values = a.data.reshape(rows, -1)[:, :, None] * b.data.reshape(rows, -1)[:, None, :]
-    indices = index_a[:, :, None] * m + index_b[:, None, :]
-    starts = np.arange(rows + 1) * values[0].size
-    return csr_matrix((values.ravel(), indices.ravel(), starts), shape=(rows, n * m))
-
-
-class Watched:
-    """The caller's progress, remembering a wish to stop; never the silent default itself, so that every fit of a cloud is
-    stepped by the same compiled function."""
-
-    def __init__(self, progress: Progress):
-        self.progress, self.stop = progress, False
-
-    def __call__(self, event: Event) -> bool:
-        self.stop = bool(self.progress(event)) or self.stop
-        return self.stop
-
-
-def _best_start(
-    points: Float[Array, "N 3"],
-    candidates: list[Parametrisation],
-    spans: tuple[int, int],
-    degree: int,
-    progress: Progress,
+def _first_net(
+    cloud: ShardedPoints, sample: np.ndarray, spans: tuple[int, int], degree: int, progress: Progress
 ) -> tuple[BSplineSurface, Array | None]:
-    """A first net, stiff, and the feet on it: of the candidate whose short fit comes closest to the thinned cloud."""
-    best, best_rms = None, np.inf
-    knots_u, knots_v = (as_float(clamped_knots(n + degree, degree), points.dtype) for n in spans)
-    sample = points[candidates[0].index]
-    for candidate in candidates:
-        parameters = jnp.asarray(candidate.parameters, points.dtype)
-        start = linear_start(sample, parameters, knots_u, knots_v, degree, candidate.sides, _STIFF)
-        start, parameters = _facing_outwards(start, parameters, np.asarray(sample).mean(axis=0))
-        stiff = faint_bending(max(spans) + degree, _STIFF)
-        trial = fit(
-            start,
-            sample,
-            start=parameters,
-            bending=stiff,
-            sliding=_SLIDING,
-            max_steps=6,
-            progress=progress,
-            phase="unroll",
-        )
-        if float(trial.deviation.rms) < best_rms:
-            best, best_rms = trial, float(trial.deviation.rms)
-        if trial.stopped:
-            break
-    assert best is not None
-    return best.shape, best.foot.parameters if len(sample) == len(points) else None
+    """The net to begin with, and the feet on it if those of all points are known; the same in all processes."""
+    start, feet = best_start(sample, parametrise(sample), spans, degree, progress)
+    if cloud.alone:
+        return start, feet if len(sample) == cloud.count else None
+    # machines may differ in the last bits, and the first process counts
+    start = jax.tree.map(lambda x: jnp.asarray(processes.from_first(np.asarray(x))), start)
+    if feet is None or len(sample) < cloud.count:
+        return start, None
+    return start, cloud.spread(processes.from_first(np.asarray(feet))[cloud.first : cloud.first + cloud.here])
 
 
-def _facing_outwards(surface: BSplineSurface, parameters: Array, centre: np.ndarray) -> tuple[BSplineSurface, Array]:
-    """Turn u round if the normal points to the hollow side, or, on a flat sheet, against its main axis."""
-    net = np.asarray(surface.control_points)
-    # twice the area vector of the net, and where its middle lies from the centre of the points
-    normal = np.cross(net[1:, 1:] - net[:-1, :-1], net[:-1, 1:] - net[1:, :-1]).sum(axis=(0, 1))
-    outwards = net[net.shape[0] // 2, net.shape[1] // 2] - centre
-    extent = np.linalg.norm(np.ptp(net.reshape(-1, 3), axis=0))
-    if np.linalg.norm(outwards) < 0.02 * extent:
-        outwards = np.eye(3)[int(np.argmax(np.abs(normal)))]
-    if float(normal @ outwards) >= 0:
-        return surface, parameters
-    knots = np.asarray(surface.knots_u)
-    turned = (jnp.asarray(net[::-1]), jnp.asarray((knots[0] + knots[-1] - knots)[::-1]))
-    flipped = np.asarray(parameters) * [-1, 1] + [knots[0] + knots[-1], 0]
-    return eqx.tree_at(lambda s: (s.control_points, s.knots_u), surface, turned), jnp.asarray(flipped, parameters.dtype)
+def _finer(
+    done: Fit, cloud: ShardedPoints, stage: Stage, tolerance: Any, quantile: float, max_spans: int
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Knots of the next net, or `None` if this one is the last."""
+    if tolerance is None or done.stopped or (stage.within or 0) >= quantile:
+        return None
+    feet, signed = cloud.rows(done.foot.parameters), cloud.rows(done.deviation.signed)
+    finer = refined_knots(done.shape, feet, signed, tolerance, max_spans, cloud.summed)
+    degree = done.shape.degree_u
+    if finer is None or 2 * np.prod([len(k) - degree - 1 for k in finer]) > cloud.count:
+        return None
+    return finer
 
 
 def _on_knots(surface: BSplineSurface, knots_u: Array, knots_v: Array) -> BSplineSurface:
@@ -235,35 +196,48 @@ def _on_knots(surface: BSplineSurface, knots_u: Array, knots_v: Array) -> BSplin
     return BSplineSurface(net, knots_u, knots_v, surface.degree_u, surface.degree_v)
 
 
-def _refit(start: BSplineSurface, points: Array, feet: Any, rest: BSplineSurface, options: dict[str, Any]) -> Fit:
+def _refit(start: BSplineSurface, cloud: ShardedPoints, feet: Any, rest: BSplineSurface, options: dict[str, Any]) -> Fit:
     """A fit whose background bending counts from the coarser surface `rest`: curved sheets are not dragged flat."""
-    weight = faint_bending(max(start.control_points.shape[:2]), _ATTENUATION)
+    weight = faint_bending(max(start.control_points.shape[:2]), ATTENUATION)
     phase = options.get("phase", "fit {} × {} spans".format(*_spans(start)))
-    fixed = {"start": feet, "rest": rest, "bending": weight, "sliding": _SLIDING, "rtol": _RTOL}
-    return fit(start, points, **{**fixed, **options, "phase": phase})
+    fixed = {"start": feet, "rest": rest, "bending": weight, "sliding": SLIDING, "release": 1.0, "rtol": _RTOL}
+    return fit(start, cloud, **{**fixed, **options, "phase": phase})
 
 
-def left_out(count: int, share: float, seed: int) -> np.ndarray:
-    """Which of `count` points a check fit does not see."""
-    return np.random.default_rng(seed).uniform(size=count) < share
+def _measured(shape: BSplineSurface, cloud: ShardedPoints) -> Fit:
+    """The fit of which only the shape is known any more."""
+    foot, deviation = nearest_feet(shape, cloud)
+    return Fit(shape, foot, deviation, optx.RESULTS.successful, jnp.asarray(np.int32(0)))
+
+
+def left_out(count: int, share: float, seed: int, first: int = 0) -> np.ndarray:
+    """Which of `count` points a check fit does not see; first: the number of the first of them in the whole cloud."""
+    bits = np.random.PCG64(seed)  # those of `default_rng`
+    bits.advance(first)
+    return np.random.Generator(bits).uniform(size=count) < share
 
 
 def _hold_out(
-    done: Fit, points: Array, rest: BSplineSurface, share: float, seed: int, options: dict[str, Any]
+    done: Fit, cloud: ShardedPoints, rest: BSplineSurface, share: float, seed: int, options: dict[str, Any]
 ) -> Deviation | None:
     """Refit with the chosen points weighing nothing, and measure those; the compiled fit serves again."""
-    chosen = left_out(points.shape[0], share, seed)
-    if not chosen.any():
+    chosen = left_out(cloud.here, share, seed, cloud.first)
+    if not cloud.summed(np.asarray(chosen.sum())):
         return None
-    weights = jnp.asarray(~chosen, points.dtype)
+    weights = jnp.asarray(~chosen, cloud.points.dtype)
     options = {**options, "weights": weights, "phase": "hold-out"}
-    again = _refit(done.shape, points, done.foot.parameters, rest, options)
-    return Deviation(jnp.asarray(np.asarray(again.deviation)[chosen]))
+    again = _refit(done.shape, cloud, done.foot.parameters, rest, options)
+    if cloud.alone:
+        return Deviation(jnp.asarray(np.asarray(again.deviation)[chosen]))
+    return Deviation(again.deviation.signed, cloud.spread(chosen.astype(cloud.points.dtype)) * cloud.counted)
 
 
-def _stage(done: Fit, tolerance: float | None) -> Stage:
+def _stage(done: Fit, cloud: ShardedPoints, tolerance: float | None) -> Stage:
     n, m = done.shape.control_points.shape[:2]
-    within = None if tolerance is None else float(np.mean(np.abs(np.asarray(done.deviation)) <= tolerance))
+    within = None
+    if tolerance is not None:
+        inside = np.sum(np.abs(cloud.rows(done.deviation.signed)) <= tolerance)
+        within = float(cloud.summed(inside)) / cloud.count
     return Stage(_spans(done.shape), n * m, float(done.deviation.rms), within)
 
 

@@ -28,7 +28,7 @@ class Coverage(eqx.Module):
         return float(self.covered.mean())
 
 
-def coverage(surface: AbstractSurface, parameters: Float[Array, "N 2"]) -> Coverage:
+def coverage(surface: AbstractSurface, parameters: Float[Array | np.ndarray, "N 2"]) -> Coverage:
     """Count the feet in every cell between breaks, the knot cells of a spline."""
     feet = np.asarray(parameters)
     edges = [np.asarray(places) for places in breaks(surface)]

@@ -1,7 +1,6 @@
 """Fit the control data of a shape to measured points."""
 
 from collections.abc import Callable, Sequence
-from statistics import NormalDist
 from typing import Any
 
 import equinox as eqx
@@ -9,9 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
-from .. import _safe
 from .._array import Numbers, as_float, concrete, is_concrete
 from .._errors import InputError
 from .._progress import Progress, silent
@@ -20,71 +18,24 @@ from ..query import Foot, closest_point, feet_with_derivatives, foot_at
 from ..surface import AbstractSurface, BSplineSurface, QISurface
 from ._deviation import Deviation
 from ._fixed import bound_to
+from ._found import Fit, attached, frozen, given_way
 from ._implicit import with_derivatives
-from ._losses import find_loss, noise_scale
-from ._pose import diagonal, posed, staged, stages
-from ._problem import Problem, unknowns_of
+from ._linear import linear_fit
+from ._losses import find_loss
+from ._pose import posed, staged, stages
+from ._problem import Problem, moved
+from ._shard import at_home, mesh_of, over_shards
+from ._sharded_points import ShardedPoints, check_finite, whole_points
+from ._snapshot import Snapshot
 from ._solve import Solved, solve
-from ._uncertainty import Uncertainty, uncertainty_of
 
 _RENEWALS = 3
 _SIGNIFICANT = 0.1  # share of the gain that a free number owes to noise; steps that gain less for each are not taken
 
 
-class Fit(eqx.Module):
-    """What a fit found.
-
-    shape: the fitted member of the family; foot: the feet of all points on it; deviation: their distances; result: how
-    the solver ended, an `optimistix.RESULTS`; steps: solver steps in all; stopped: whether `progress` asked to stop;
-    problem: what was solved, in the end, with the resistance to gliding that all its steps amount to. Of `fit_many` all
-    arrays have an axis K in front.
-    """
-
-    shape: Any
-    foot: Foot
-    deviation: Deviation
-    result: Any
-    steps: Int[Array, "*K"]
-    stopped: bool
-    problem: Problem
-
-    @property
-    def converged(self) -> Any:
-        """Whether the solver met its tolerance."""
-        return self.result == optx.RESULTS.successful
-
-    @property
-    def rms(self) -> Float[Array, "*K"]:
-        """Root of the weighted mean square distance, of each cloud where there are many."""
-        counted = self.problem.weights
-        square = jnp.sum(counted * self.deviation.signed**2, axis=-1) / jnp.sum(counted, axis=-1)
-        return jnp.sqrt(square)
-
-    @property
-    def outliers(self) -> Bool[Array, "*K N"]:
-        """Which points lie so far off that noise would put one of twenty such clouds there; the noise is taken from the
-        median of the distances."""
-        counted = self.problem.weights
-        noise = noise_scale(self.deviation.signed, counted)
-        chance = 0.05 / max(counted.shape[-1], 1)
-        return jnp.abs(self.deviation.signed) > noise[..., None] * NormalDist().inv_cdf(1 - chance / 2)
-
-    def uncertainty(self, noise: float | None = None) -> Uncertainty:
-        """Variances of the control data and of the shape's places; see `Uncertainty`.
-
-        noise: standard deviation of a measurement of weight 1, so 1 if weights are 1/variance; by default taken from the
-        distances.
-        """
-        return uncertainty_of(self.problem, self.problem.unknowns(self.shape), self._feet, noise)
-
-    @property
-    def _feet(self) -> Array:
-        return self.foot.parameters.reshape(self.problem.points.shape[0], -1)
-
-
 def fit(
     shape: AbstractCurve | AbstractSurface,
-    points: Numbers,
+    points: Numbers | ShardedPoints,
     *,
     loss: str = "squared",
     trimmed: float = 0.0,
@@ -103,6 +54,7 @@ def fit(
     solver: optx.AbstractMinimiser | None = None,
     progress: Progress = silent,
     phase: str = "fit",
+    resume: Snapshot | None = None,
 ) -> Fit:
     """Fit a curve or surface to an unordered cloud (N, 3): minimise the distances of the points to their feet on it.
 
@@ -121,105 +73,149 @@ def fit(
     the way, not the goal, but a net that glides long enough fits the noise too. rtol: relative gain of the objective below
     which a step is the last; by default where it is no more than noise gives to the free numbers, and at least 1e-5.
     solver: an `optimistix` minimiser to use instead of Levenberg-Marquardt on normal equations, such as `optx.BFGS`; it
-    minimises the value alone and knows no `fixed`. phase: what `progress` is told.
+    minimises the value alone and knows no `fixed`. phase: what `progress` is told; resume: `Event.snapshot` of such a fit
+    that was cut off, to go on there with the same arguments. Points of `shard_points`, weights then of this process's, are
+    worked on by all of their devices; `Fit.foot` and `Fit.deviation` lie spread likewise if there are several processes.
 
     Levenberg-Marquardt on signed distances with the feet eliminated (Gauss-Newton by the envelope theorem), normal
-    equations accumulated in chunks, stepped by optimistix. Differentiable in points, weights, and all of `shape` that is not
-    free, by the implicit function theorem: exact where the fit has converged, so with a small `rtol`; the scale of a robust
-    loss is held. Under `jax.jit`, `grad` and `vmap` it is silent; for many clouds see `js.fit_many`.
+    equations accumulated in chunks, stepped by optimistix; one linear solve for nets at known parameters. Differentiable in
+    points, weights, and all of `shape` that is not free, by the implicit function theorem: exact where the fit has
+    converged, so with a small `rtol`; the scale of a robust loss is held. Under `jax.jit`, `grad` and `vmap` it is silent;
+    for many clouds see `js.fit_many`.
     Raises `InputError` on points that are not finite or fewer than the shape's control points can use, and where what is
     fixed cannot be kept.
     """
-    points = as_float(points, shape.dtype)
+    cloud = whole_points(points, shape.dtype)
+    mesh = cloud.mesh
     find_loss(loss)
-    weights = _check(shape, points, weights)
+    checked = _check(shape, cloud, weights)
     check_options(fairness, bending, trimmed)
-    fixed = bound_to(shape, (fixed,) if callable(fixed) else tuple(fixed))
+    conditions = bound_to(shape, (fixed,) if callable(fixed) else tuple(fixed))
+    if solver is not None and (conditions or mesh is not None):
+        raise InputError("`solver` works with neither `fixed` nor points of `shard_points`; leave it out.")
     known = parameters is not None
-    traced = not is_concrete(shape, points, weights, start, parameters, fixed)
-    asked, given = (shape, points, weights, rest, fixed), frozen((shape, points, weights, rest, fixed))
-    shape, points, weights, rest, fixed = given
-    if known or start is not None:
-        feet = jax.lax.stop_gradient(as_float(parameters if known else start, points.dtype))
-        if feet.size != points.shape[0] * parameter_count(shape):
-            name = "parameters" if known else "start"
-            raise InputError(f"`{name}` must hold those of {points.shape[0]} points, got shape {feet.shape}.")
-    else:
-        feet = closest_point(shape, points).parameters
-    feet = feet.reshape(points.shape[0], -1)
+    asked = (shape, cloud.points, checked, rest, conditions)
+    traced = not is_concrete(asked, start, parameters)
+    shape, places, counts, rest, conditions = frozen(asked)
     problem = posed(
         shape,
-        points,
-        weights,
+        places,
+        counts,
         fairness=fairness,
         bending=bending,
         rest=rest,
         free=free,
-        fixed=fixed,
+        fixed=conditions,
         sliding=sliding,
         held=known,
+        mesh=mesh,
     )
-    if rtol is None:
-        rtol = usual_tolerance(unknowns_of(shape, problem.free).size, points.shape[0])
-    options = {"rtol": rtol, "max_steps": max_steps, "release": release, "phase": phase, "solver": solver}
-    options["progress"] = silent if traced else progress
-    total, freed = np.int32(0), jnp.zeros((), points.dtype)
+    if resume is not None:
+        shape, start = _moved(shape, jnp.asarray(resume.theta, shape.dtype), problem.free), None
+        problem = eqx.tree_at(lambda p: p.shape, problem, shape)
+    feet = _first_feet(shape, cloud, places, parameters if known else start, "parameters" if known else "start")
+    options = {"max_steps": max_steps, "release": release, "phase": phase, "solver": solver}
+    options["rtol"] = usual_tolerance(problem.rest.size, cloud.count) if rtol is None else rtol
+    total, freed = np.int32(0), jnp.zeros((), places.dtype)
     found: Solved | None = None
-    for name, share in stages(loss, trimmed):
-        problem = staged(problem, feet, weights, name, share)
+    for turn, (name, share) in enumerate(stages(loss, trimmed)):
+        if resume is not None and turn < resume.round:
+            continue
+        problem = staged(problem, feet, counts, name, share, None if resume is None else resume.scale)
+        told = silent if traced or progress is silent else _telling(progress, turn, problem.scale)
         for _ in range(_RENEWALS + 1):
-            found = solve(problem, feet, **options)
-            shape, feet, total = _member(problem, found.theta), found.feet, total + found.steps
-            freed = freed + found.freed
+            found = _solved(problem, feet, {**options, "progress": told, "resume": resume})
+            shape, feet, resume = _moved(shape, at_home(found.theta, mesh), problem.free), found.feet, None
+            total = total + at_home(found.steps, mesh).astype(jnp.int32)
+            freed = freed + at_home(found.freed, mesh)
             was_ready = jax.tree.structure(shape)
             shape = shape.renewed()
-            if found.stopped or jax.tree.structure(shape) == was_ready:
-                break
             # bent further than it was ready for: once more from here
+            again = not found.stopped and jax.tree.structure(shape) != was_ready
             problem = eqx.tree_at(lambda p: p.shape, problem, shape)
-        problem = eqx.tree_at(lambda p: p.shape, problem, shape)
+            if not again:
+                break
         if found is not None and found.stopped:
             break
     assert found is not None
-    problem = given_way(problem, freed)
+    problem, result = given_way(problem, freed), at_home(found.result, mesh)
     if traced:
         problem = attached(problem, *asked)
         shape = problem.member(with_derivatives(problem, found.theta, feet))
-    elif fixed:
-        _check_kept(problem, found.theta)
-    at_feet = feet_with_derivatives if traced and not known else foot_at
-    foot = at_feet(shape, problem.points, feet)
-    deviation = Deviation(foot.distance)
-    return Fit(shape, foot, deviation, found.result, jnp.asarray(total, jnp.int32), found.stopped, problem)
+        foot = (foot_at if known else feet_with_derivatives)(shape, problem.points, feet)
+        deviation = Deviation(foot.distance)
+    else:
+        if conditions:
+            _check_kept(problem, at_home(found.theta, mesh))
+        foot, deviation = _at_feet(shape, cloud, feet)
+        problem = _at_home(problem, cloud)
+    return Fit(shape, foot, deviation, result, jnp.asarray(total, jnp.int32), found.stopped, problem)
 
 
-def frozen(tree: Any) -> Any:
-    """The same numbers, without derivatives."""
-    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, tree)
+def nearest_feet(shape: Any, cloud: ShardedPoints) -> tuple[Foot, Deviation]:
+    """The feet of a cloud on a shape, as a fit gives them."""
+    return _at_feet(shape, cloud, over_shards(cloud.mesh, _nearest, shape, cloud.points))
 
 
-def parameter_count(shape: Any) -> int:
-    """How many parameters a place on the shape has."""
-    return 1 if isinstance(shape, AbstractCurve) else 2
+def _first_feet(shape: Any, cloud: ShardedPoints, points: Array, given: Any, name: str) -> Float[Array, "N k"]:
+    if given is None:
+        return over_shards(cloud.mesh, _nearest, shape, points)
+    count = 1 if isinstance(shape, AbstractCurve) else 2
+    feet = jax.lax.stop_gradient(as_float(given, points.dtype))
+    if mesh_of(feet) is None and feet.size != cloud.here * count:
+        raise InputError(f"`{name}` must hold those of {cloud.here} points, {count} each, got shape {feet.shape}.")
+    return cloud.spread(feet if mesh_of(feet) is not None else feet.reshape(-1, count))
 
 
-def given_way(problem: Problem, freed: Float[Array, ""]) -> Problem:
-    """The problem with the resistance to gliding that all steps together amount to."""
-    return eqx.tree_at(lambda p: p.sliding, problem, jnp.minimum(problem.sliding, _safe.divide(jnp.ones_like(freed), freed)))
+def _solved(problem: Problem, feet: Float[Array, "N k"], options: dict[str, Any]) -> Solved:
+    """By one linear solve where the objective is quadratic, else step by step."""
+    net = isinstance(problem.shape, BSplineSurface) and problem.free == (True, False, False)
+    quadratic = problem.held and net and problem.loss == "squared" and not problem.fair
+    if not quadratic or problem.fixed or options["solver"] is not None or np.any(concrete_or_none(problem.rest)):
+        return solve(problem, feet, **options)
+    assert problem.penalty is not None
+    net = linear_fit(
+        problem.shape, problem.points, feet, problem.weights, problem.penalty, problem.bending, mesh=problem.mesh
+    )
+    one, freely = jnp.asarray(np.int32(1)), jnp.full((), jnp.inf, net.dtype)
+    return Solved(net.reshape(-1), feet, one, optx.RESULTS.successful, freely)
 
 
-def attached(problem: Problem, shape: Any, points: Any, weights: Any, rest: Any = None, fixed: Any = None) -> Problem:
-    """The problem with the numbers that were given, which carry derivatives: all but what was free."""
-    leaves, structure = jax.tree.flatten(problem.shape)
-    given = jax.tree.leaves(shape)
-    if len(given) == len(leaves):
-        leaves = [old if free else new for old, new, free in zip(leaves, given, problem.free, strict=True)]
-    trimmed = jax.lax.stop_gradient(_safe.divide(problem.weights, jax.lax.stop_gradient(weights)))
-    known = (jax.tree.unflatten(structure, leaves), points, weights * trimmed, diagonal(points))
-    problem = eqx.tree_at(lambda p: (p.shape, p.points, p.weights, p.size), problem, known)
-    if fixed:
-        problem = eqx.tree_at(lambda p: p.fixed, problem, fixed)
-    return problem if rest is None else eqx.tree_at(lambda p: p.rest, problem, unknowns_of(rest, problem.free))
+def concrete_or_none(values: Array) -> Any:
+    """The values, or 1 where they cannot be looked at."""
+    return concrete(values) if is_concrete(values) else 1
+
+
+def _at_feet(shape: Any, cloud: ShardedPoints, feet: Array) -> tuple[Foot, Deviation]:
+    foot = cloud.home(over_shards(cloud.mesh, _feet, shape, cloud.points, feet))
+    return foot, Deviation(foot.distance, None if cloud.alone else cloud.counted)
+
+
+def _at_home(problem: Problem, cloud: ShardedPoints) -> Problem:
+    """The problem with the rows of this process alone, where it has all of them."""
+    if problem.mesh is None or not cloud.alone:
+        return problem
+    rows = cloud.home((problem.points, problem.weights))
+    return Problem(**{**vars(problem), "points": rows[0], "weights": rows[1], "mesh": None})
+
+
+def _nearest(shape: Any, points: Array) -> Float[Array, "N k"]:
+    return closest_point(shape, points).parameters.reshape(points.shape[0], -1)
+
+
+def _feet(shape: Any, points: Array, feet: Array) -> Foot:
+    return foot_at(shape, points, feet)
+
+
+def _telling(progress: Progress, turn: int, scale: Array) -> Progress:
+    """The progress, told too in which robust round it is."""
+    numbers = {"round": turn, "scale": float(scale)}
+    return lambda event: progress(event._replace(snapshot=event.snapshot and event.snapshot._replace(**numbers)))
+
+
+@eqx.filter_jit
+def _moved(shape: Any, theta: Array, free: tuple[bool, ...]) -> Any:
+    return moved(shape, theta, free)
 
 
 def _check_kept(problem: Problem, theta: Array) -> None:
@@ -236,33 +232,28 @@ def _violation(problem: Problem, theta: Array) -> Array:
     return problem.violation(theta)
 
 
-@eqx.filter_jit
-def _member(problem: Problem, theta: Array) -> Any:
-    return problem.member(theta)
-
-
-def _check(shape: Any, points: Array, weights: Any) -> Float[Array, "N"]:
-    if points.ndim != 2:
-        raise InputError(f"`points` must have shape (N, 3), got {points.shape}.")
-    if is_concrete(points) and not np.all(np.isfinite(concrete(points))):
-        row = int(np.argmin(np.all(np.isfinite(concrete(points)), axis=1)))
-        raise InputError(f"`points` must be finite, but point {row + 1} is {concrete(points)[row]}; remove it.")
+def _check(shape: Any, cloud: ShardedPoints, weights: Any) -> Float[Array, "N"]:
+    check_finite(cloud)
     for kind, controls, name in ((BSplineSurface, "control_points", "control points"), (QISurface, "tangents", "tangents")):
         if isinstance(shape, kind):
             n, m = getattr(shape, controls).shape[:2]
-            if points.shape[0] < n * m:
+            if cloud.count < n * m:
                 raise InputError(
-                    f"`points` must be at least as many as the {n * m} {name} ({n} × {m}), got {points.shape[0]}; "
+                    f"`points` must be at least as many as the {n * m} {name} ({n} × {m}), got {cloud.count}; "
                     "take fewer or measure more points."
                 )
     if weights is None:
-        return jnp.asarray(np.ones(points.shape[0]), points.dtype)
-    weights = as_float(weights, points.dtype)
-    if weights.shape != points.shape[:1]:
-        raise InputError(f"`weights` must have shape ({points.shape[0]},), one for each point, got {weights.shape}.")
-    if is_concrete(weights) and not (np.all(concrete(weights) >= 0) and np.any(concrete(weights) > 0)):
+        return cloud.counted
+    weights = as_float(weights, cloud.points.dtype)
+    if mesh_of(weights) is None and weights.shape != (cloud.here,):
+        raise InputError(f"`weights` must have shape ({cloud.here},), one for each point, got {weights.shape}.")
+    if mesh_of(weights) is None and is_concrete(weights) and not _counting(cloud, concrete(weights)):
         raise InputError("`weights` must be ≥ 0 and not all 0.")
-    return weights
+    return weights if mesh_of(cloud.points) is None and cloud.mesh is None else cloud.spread(weights) * cloud.counted
+
+
+def _counting(cloud: ShardedPoints, weights: np.ndarray) -> bool:
+    return bool(np.all(weights >= 0) and cloud.summed(np.asarray(np.sum(weights > 0))) > 0)
 
 
 def usual_tolerance(numbers: int, points: int) -> float:

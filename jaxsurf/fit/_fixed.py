@@ -62,7 +62,7 @@ def _resolving(shape: Any, axis: int) -> Float[Array, "n"]:
 
 def _greville(basis: BSplineBasis) -> Float[Array, "n"]:
     knots, p = basis.unrolled_knots, basis.degree
-    means = sum(knots[i : i + basis.size] for i in range(1, p + 1)) / p if p else knots[: basis.size]
+    means = jnp.mean(jnp.stack([knots[i : i + basis.size] for i in range(1, p + 1)]), axis=0)
     return jax.lax.stop_gradient(basis.wrapped(means) if basis.periodic else jnp.clip(means, *basis.domain))
 
 
@@ -155,8 +155,10 @@ class TangentPlane(AbstractCondition):
 
     def __init__(self, side: str, normal: Numbers | Rows | Callable[[Any], Any] | None = None):
         self.side = _checked(side)
-        asis = normal is None or callable(normal) or isinstance(normal, Rows)
-        self.normal = normal if asis else as_float(normal)
+        if normal is None or callable(normal) or isinstance(normal, Rows):
+            self.normal = normal
+        else:
+            self.normal = as_float(normal)
 
     def bound(self, shape: Any) -> "TangentPlane":
         if self.normal is not None:

@@ -37,7 +37,7 @@ def solve_all(
     arrays, static = eqx.partition(problems, eqx.is_array)
     at = lambda k: eqx.combine(jax.tree.map(lambda x: x[k], arrays), static)
     known = lambda x: jnp.asarray(x, feet.dtype)
-    solver_of = lambda problem: NormalEquationsSolver(known(rtol), rounding_of(problem), known(release))
+    solver_of = lambda problem: NormalEquationsSolver(rtol=known(rtol), atol=rounding_of(problem), release=known(release))
 
     def begin(number: Int[Array, ""]) -> _Lane:
         problem, own = at(jnp.minimum(number, count - 1)), feet[jnp.minimum(number, count - 1)]

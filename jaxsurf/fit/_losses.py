@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._errors import InputError
+from ._quantile import quantile
 
 
 class Loss(NamedTuple):
@@ -50,5 +51,6 @@ def find_loss(name: str) -> Loss:
 
 def noise_scale(distance: Float[Array, "*K N"], counted: Float[Array, "*K N"]) -> Float[Array, "*K"]:
     """Standard deviation of the noise, from the median of |distance| over the points of positive weight."""
-    magnitude = jnp.where(counted > 0, jnp.abs(distance), jnp.nan)
-    return 1.4826 * jnp.nanmedian(magnitude, axis=-1)
+    half = jnp.asarray(0.5, distance.dtype)
+    middle = jnp.vectorize(lambda far, counts: quantile(far, counts, half), signature="(n),(n)->()")
+    return 1.4826 * middle(jnp.abs(distance), counted > 0)

@@ -15,8 +15,9 @@ from ..curve import AbstractCurve
 from ..query import feet_with_derivatives, nearest_samples, refine_feet
 from ..surface import AbstractSurface
 from ._deviation import Deviation
-from ._fit import Fit, attached, check_options, frozen, given_way, usual_tolerance
+from ._fit import check_options, usual_tolerance
 from ._fixed import bound_to
+from ._found import Fit, attached, frozen, given_way
 from ._implicit import with_derivatives
 from ._lanes import solve_all
 from ._losses import find_loss

@@ -120,7 +120,7 @@ def _by_cells(
     first_u, first_v = (
         jax.vmap(lambda t, b=basis: b.local(t)[0])(parameters[:, i]) for i, basis in enumerate((cells.u, cells.v))
     )
-    slots, block_cell = _sort_into_blocks(first_u * cells.count_v + first_v, cells.count)
+    slots, block_cell = sort_into_blocks(first_u * cells.count_v + first_v, cells.count)
     gather = lambda x: jnp.concatenate([x, jnp.zeros_like(x[:1])])[slots]
     terms, dtype = cells.terms, parameters.dtype
 
@@ -178,13 +178,13 @@ def _spans(basis: BSplineBasis) -> int:
     return basis.size if basis.periodic else basis.size - basis.degree
 
 
-def _sort_into_blocks(
-    cell: Int[Array, "N"], count: int
+def sort_into_blocks(
+    cell: Int[Array, "N"], count: int, block: int | None = None
 ) -> tuple[Int[Array, "groups group block"], Int[Array, "groups group"]]:
     """Slots for the points, a block of them of one cell; empty slots hold N. And the cell of each block."""
     total = cell.shape[0]
-    # half a block is empty in each cell
-    block = int(np.clip(2 ** np.round(np.log2(max(total / count, 1) / 2)), *_BLOCKS))
+    if block is None:  # half of one is empty in each cell
+        block = int(np.clip(2 ** np.round(np.log2(max(total / count, 1) / 2)), *_BLOCKS))
     blocks = -(-(total + count * (block - 1)) // block)
     group = max(1, min(_GROUP // block, blocks))
     blocks = -(-blocks // group) * group

@@ -1,5 +1,8 @@
 """Objective, gradient and Gauss-Newton matrix of a fit in one pass over the points."""
 
+from typing import Any
+
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -8,6 +11,7 @@ from ._background import background_terms
 from ._fairness import fairness_terms
 from ._normal_equations import Quadratic, accumulate
 from ._problem import Linearised, Problem, linearise
+from ._shard import in_shards, total
 
 
 def evaluate(problem: Problem, theta: Float[Array, "P"], feet: Float[Array, "N k"]) -> tuple[Quadratic, Float[Array, "N k"]]:
@@ -22,7 +26,22 @@ def evaluate(problem: Problem, theta: Float[Array, "P"], feet: Float[Array, "N k
 def data_terms(
     problem: Problem, theta: Float[Array, "P"], feet: Float[Array, "N k"]
 ) -> tuple[Quadratic, Float[Array, "N k"]]:
-    """What the points contribute, and their feet."""
+    """What the points contribute, and their feet; of points spread over devices each device sums its own."""
+    if problem.mesh is None:
+        return _sums(problem, theta, feet)
+    split = lambda p: (p.points, p.weights)
+    bare = eqx.tree_at(split, problem, (None, None))
+
+    def one_shard(whole: Any, rows: Any) -> Any:
+        bare, theta = whole
+        *point_rows, feet = rows
+        return _sums(eqx.tree_at(split, bare, tuple(point_rows), is_leaf=lambda x: x is None), theta, feet)
+
+    results: Any = (Quadratic(*(False,) * 3), True)  # type: ignore[arg-type]
+    return in_shards(problem.mesh, one_shard, (bare, theta), (*split(problem), feet), results)
+
+
+def _sums(problem: Problem, theta: Float[Array, "P"], feet: Float[Array, "N k"]) -> tuple[Quadratic, Float[Array, "N k"]]:
     shape = problem.member(theta)
     if problem.held:
         offset = foot_at(shape, problem.points, feet).points - problem.points
@@ -33,24 +52,25 @@ def data_terms(
         lines = linearise(shape, feet, problem.points, problem.sliding)
     distance = jnp.sqrt(jnp.sum(lines.offset**2, axis=-1))
     weights, value = problem.point_weights(distance)
-    return Quadratic(value, *accumulate(shape, problem, feet, lines, weights)), feet
+    return total(Quadratic(value, *accumulate(shape, problem, feet, lines, weights)), problem.mesh), feet
 
 
 def penalty_terms(problem: Problem, theta: Float[Array, "P"]) -> Quadratic:
     """What bending and fairness contribute."""
-    total = Quadratic(jnp.zeros((), theta.dtype), jnp.zeros_like(theta), jnp.zeros((theta.size, theta.size), theta.dtype))
+    summed = Quadratic(jnp.zeros((), theta.dtype), jnp.zeros_like(theta), jnp.zeros((theta.size, theta.size), theta.dtype))
     if problem.penalty is not None:
-        total = total + _bending_terms(problem, theta)
+        summed = summed + _bending_terms(problem, theta)
     background = background_terms(problem, theta)
     if background is not None:
-        total = total + Quadratic(*background)
+        summed = summed + Quadratic(*background)
     if problem.fair:
-        total = total + Quadratic(*fairness_terms(problem.member(theta), problem))
-    return total
+        summed = summed + Quadratic(*fairness_terms(problem.member(theta), problem))
+    return summed
 
 
 def _bending_terms(problem: Problem, theta: Float[Array, "P"]) -> Quadratic:
     # the control points are the first leaf: rows of θ are points, coordinates innermost
+    assert problem.penalty is not None
     scaled = problem.bending / problem.size**2 * problem.penalty
     count, d = scaled.shape[0], problem.points.shape[1]
     net = (theta - problem.rest)[: count * d].reshape(count, d)

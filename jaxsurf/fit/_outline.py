@@ -17,7 +17,7 @@ _KEEPING = 50.0  # how much more a border point outside the outline counts than 
 _ROUNDS = 8
 
 
-def trim_to_cloud(surface: BSplineSurface, parameters: Float[Array, "N 2"], sides: tuple[Any, Any]) -> TrimmedSurface:
+def trim_to_cloud(surface: BSplineSurface, parameters: Float[Array, "N 2"], sides: tuple[Any, ...]) -> TrimmedSurface:
     """The part of a fitted surface that was measured: trimmed along a smooth closed curve around the feet of the points.
 
     parameters: the feet; sides: lengths of the sheet along u and v, so that distances in the parameter plane mean something.

@@ -17,7 +17,6 @@ from ..query import closest_point
 from ..surface import BSplineSurface
 from ._arrangement import side_points
 from ._bending import bending_terms
-from ._cloud import row_products
 from ._pose import faint_bending, side_lengths
 
 _ATTENUATION = 0.1  # share of the shortest ripple of the net that the background bending takes away, as in `fit_cloud`
@@ -208,7 +207,7 @@ def _design(surface: BSplineSurface, feet: Float[np.ndarray, "N 2"]) -> Any:
     degrees = surface.degree_u, surface.degree_v
     inside = [np.clip(feet[:, i], k[p], k[-p - 1]) for i, (k, p) in enumerate(zip(knots, degrees, strict=True))]
     along_u, along_v = (BSpline.design_matrix(t, k, p) for t, k, p in zip(inside, knots, degrees, strict=True))
-    return row_products(along_u, along_v)
+    return _row_products(along_u, along_v)
 
 
 def _unit_normals(surface: BSplineSurface, feet: Float[np.ndarray, "N 2"]) -> Float[np.ndarray, "N 3"]:
@@ -261,3 +260,15 @@ def jumps(surface: BSplineSurface, at: float, direction: str, count: int = 65) -
     scales = (1 / size, 1 / speed, size / speed**2)
     found = [np.linalg.norm(a - b, axis=1).max() * scale for a, b, scale in zip(*sides, scales, strict=True)]
     return float(found[0]), float(found[1]), float(found[2])
+
+
+def _row_products(a: Any, b: Any) -> Any:
+    """The sparse matrix whose rows are the Kronecker products of the rows of two with equally many entries in each."""
+    from scipy.sparse import csr_matrix
+
+    rows, n, m = a.shape[0], a.shape[1], b.shape[1]
+    index_a, index_b = a.indices.reshape(rows, -1), b.indices.reshape(rows, -1)
+    values = a.data.reshape(rows, -1)[:, :, None] * b.data.reshape(rows, -1)[:, None, :]
+    indices = index_a[:, :, None] * m + index_b[:, None, :]
+    starts = np.arange(rows + 1) * values[0].size
+    return csr_matrix((values.ravel(), indices.ravel(), starts), shape=(rows, n * m))

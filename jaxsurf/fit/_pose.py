@@ -16,6 +16,8 @@ from ..surface import AbstractSurface, BSplineSurface, NURBSSurface, QISurface
 from ._bending import bending_of
 from ._losses import find_loss, noise_scale
 from ._problem import Problem, free_leaves, unknowns_of
+from ._quantile import quantile
+from ._shard import at_home, over_shards
 
 _NETS = (BSplineSurface, NURBSSurface, BSplineCurve, NURBSCurve)
 _TRIMMINGS = 6  # rounds in which the farthest points are chosen anew
@@ -34,6 +36,7 @@ def posed(
     sliding: float,
     held: bool,
     turns: int = 60,
+    mesh: Any = None,
 ) -> Problem:
     """The problem of the squared loss."""
     flags = free_leaves(shape, free)
@@ -43,7 +46,7 @@ def posed(
         shape,
         points,
         weights,
-        diagonal(points),
+        at_home(diagonal(points), mesh),
         number(1),
         number(_faint(shape) if bending is None else bending),
         number(fairness),
@@ -56,6 +59,7 @@ def posed(
         fairness != 0,
         held,
         turns,
+        mesh,
     )
 
 
@@ -69,23 +73,31 @@ def stages(loss: str, trimmed: float) -> list[tuple[str, float]]:
     return [("huber", 0.0), ("huber", 0.0), *((rounds[-1], trimmed) for _ in range(_TRIMMINGS))]
 
 
-def staged(problem: Problem, feet: Array, weights: Float[Array, "N"], loss: str, trimmed: float) -> Problem:
-    """The problem of the next round: its loss, the scale by the distances now, the farthest points without weight."""
+def staged(
+    problem: Problem, feet: Array, weights: Float[Array, "N"], loss: str, trimmed: float, scale: float | None = None
+) -> Problem:
+    """The problem of the next round: its loss, the scale by the distances now, unless it is known, the farthest points
+    without weight."""
     if loss == "squared" and trimmed == 0:
         return problem
-    scale, weights = _scale_and_weights(problem, feet, weights, loss, trimmed)
-    problem = eqx.tree_at(lambda p: (p.scale, p.weights), problem, (scale, weights))
+    distance = over_shards(problem.mesh, _distances, problem.shape, problem.points, feet)
+    found, weights = _scale_and_weights(distance, weights, problem.size, loss, trimmed)
+    known = at_home(found, problem.mesh) if scale is None else jnp.asarray(scale, distance.dtype)
+    problem = eqx.tree_at(lambda p: (p.scale, p.weights), problem, (known, weights))
     return Problem(**{**vars(problem), "loss": loss})
 
 
+def _distances(shape: Any, points: Array, feet: Array) -> Float[Array, "N"]:
+    return jnp.abs(foot_at(shape, points, feet).distance)
+
+
 @eqx.filter_jit
-def _scale_and_weights(problem: Problem, feet: Array, weights: Array, loss: str, trimmed: float) -> tuple[Array, Array]:
-    distance = jnp.abs(foot_at(problem.shape, problem.points, feet).distance)
+def _scale_and_weights(distance: Array, weights: Array, size: Array, loss: str, trimmed: float) -> tuple[Array, Array]:
     if trimmed > 0:
-        far = jnp.quantile(jnp.where(weights > 0, distance, 0), 1 - trimmed)
+        far = quantile(distance, weights > 0, jnp.asarray(1 - trimmed, distance.dtype))
         weights = jnp.where(distance <= far, weights, 0)
     noise = noise_scale(distance, weights) * find_loss(loss).deviations
-    return jnp.maximum(noise, 1e-12 * problem.size), weights
+    return jnp.maximum(noise, 1e-12 * size), weights
 
 
 @eqx.filter_jit

@@ -13,6 +13,7 @@ from .._array import map_points
 from .._errors import InputError
 from ..query import held_parameters, value_and_tangents
 from ._losses import LOSSES, Loss
+from ._shard import total
 
 
 class Problem(eqx.Module):
@@ -23,7 +24,8 @@ class Problem(eqx.Module):
     weights: (N,) ≥ 0; scale: s of the loss; bending and fairness: weights of the two penalties; sliding: see
     `linearise`; rest: the θ at which nothing is bent, 0 for a flat sheet; penalty: the bending matrix of the control
     points, which are the first leaf, or `None`; fixed: functions of the shape that are to vanish; held: whether points
-    belong to known parameters, so that feet stay where they are; turns: steps at most by which feet follow the shape.
+    belong to known parameters, so that feet stay where they are; turns: steps at most by which feet follow the shape; mesh:
+    of the devices over which the points lie spread, `None` for one.
     """
 
     shape: Any
@@ -42,6 +44,7 @@ class Problem(eqx.Module):
     fair: bool = eqx.field(static=True)
     held: bool = eqx.field(static=True, default=False)
     turns: int = eqx.field(static=True, default=60)
+    mesh: Any = eqx.field(static=True, default=None)
 
     def unknowns(self, shape: Any = None) -> Float[Array, "P"]:
         """θ of `shape`, by default of the start."""
@@ -49,12 +52,7 @@ class Problem(eqx.Module):
 
     def member(self, theta: Float[Array, "P"]) -> Any:
         """The shape with unknowns θ."""
-        leaves, structure = jax.tree.flatten(self.shape)
-        filled, at = [], 0
-        for leaf, free in zip(leaves, self.free, strict=True):
-            filled.append(theta[at : at + leaf.size].reshape(leaf.shape) if free else leaf)
-            at += leaf.size if free else 0
-        return jax.tree.unflatten(structure, filled)
+        return moved(self.shape, theta, self.free)
 
     def violation(self, theta: Float[Array, "P"]) -> Float[Array, "k"]:
         """How far the shape is from what is fixed, 0 where that is kept; lengths are measured by the size."""
@@ -73,7 +71,17 @@ class Problem(eqx.Module):
         return 0.5 * jnp.sum(self.weights * self.scale**2 * loss.value(square / self.scale**2)) / self._unit()
 
     def _unit(self) -> Float[Array, ""]:
-        return self.size**2 * jnp.sum(self.weights)
+        return self.size**2 * total(jnp.sum(self.weights), self.mesh)
+
+
+def moved(shape: Any, theta: Float[Array, "P"], free: tuple[bool, ...]) -> Any:
+    """The shape with its free leaves filled from θ."""
+    leaves, structure = jax.tree.flatten(shape)
+    filled, at = [], 0
+    for leaf, moves in zip(leaves, free, strict=True):
+        filled.append(theta[at : at + leaf.size].reshape(leaf.shape) if moves else leaf)
+        at += leaf.size if moves else 0
+    return jax.tree.unflatten(structure, filled)
 
 
 def unknowns_of(shape: Any, free: tuple[bool, ...]) -> Float[Array, "P"]:

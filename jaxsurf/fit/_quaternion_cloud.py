@@ -50,7 +50,8 @@ def fit_qi(
     start = qi_plane(points, tangents, degree)
     progress(Event("parametrise"))
     n, m = tangents
-    options = {"loss": loss, "fairness": fairness, "sliding": _SLIDING, "rtol": _RTOL, "progress": progress}
+    options = {"loss": loss, "fairness": fairness, "sliding": _SLIDING, "release": 1.0, "rtol": _RTOL}
+    options["progress"] = progress
     done = fit(start, points, phase=f"fit {n} × {m} tangents", **options)
     missed = None
     if holdout > 0 and not done.stopped:

@@ -16,7 +16,8 @@ from ..query import Foot, closest_point
 from ..surface import BSplineSurface
 from ._align import Alignment, align as fitted_to
 from ._arrangement import Meeting, arranged, cut_apart
-from ._cloud import CloudFit, Watched, fit_cloud
+from ._checkpoint import Watched
+from ._cloud import CloudFit, fit_cloud
 from ._deviation import Deviation
 from ._patchwork import Bands, fitted_bridges, jumps, patchwork
 from ._pose import side_lengths

@@ -17,6 +17,8 @@ from ..query import refine_feet
 from ._constrained import onto, restored
 from ._objective import evaluate, objective
 from ._problem import Problem
+from ._shard import on_mesh
+from ._snapshot import Snapshot
 
 _SHORT = 1e-2  # step size from which on a step is nearly Gauss-Newton's
 
@@ -70,9 +72,9 @@ class NormalEquationsSolver(optx.AbstractMinimiser):
     """Minimise an objective whose value, gradient and Gauss-Newton matrix come from one pass over the points.
 
     `fn(θ, (problem, feet))` gives the value and (gradient, matrix, feet, 0); the pass starts the feet of a trial θ from
-    those of the last accepted one. It ends when an accepted step has lowered the value by less than `rtol` of it or
-    `atol`, or when steps are refused at a step size below 10⁻⁹ or a value below `atol`. release: by how much at most the resistance to gliding falls while steps are
-    as good as was predicted. What the problem holds fixed is kept by every trial.
+    those of the last accepted one. It ends when an accepted step has lowered the value by less than `rtol` of it or `atol`,
+    or when steps are refused at a step size below 10⁻⁹ or a value below `atol`. release: by how much at most the resistance
+    to gliding falls while steps are as good as was predicted. What the problem holds fixed is kept by every trial.
     """
 
     rtol: Any
@@ -161,24 +163,26 @@ def solve(
     solver: optx.AbstractMinimiser | None = None,
     progress: Progress = silent,
     phase: str = "fit",
+    resume: Snapshot | None = None,
 ) -> Solved:
     """Minimise the problem's objective from its start; by another `solver` from values alone.
 
     Silent work is one compiled `optimistix.minimise`; with a `progress` that shows or stops, the same solver is stepped
-    from outside.
+    from outside. resume: the snapshot of which the problem's shape and the feet are; only with a `progress`.
     """
     # arrays, not floats: another tolerance must not compile again
     known = lambda x: jnp.asarray(x, problem.points.dtype)
     if solver is not None:
         return _by_values(problem, feet, solver, max_steps)
-    solver = NormalEquationsSolver(known(rtol), rounding_of(problem), known(release))
+    mine = NormalEquationsSolver(rtol=known(rtol), atol=rounding_of(problem), release=known(release))
+    args = problem, feet = on_mesh((problem, feet), problem.mesh)
+    mine = on_mesh(mine, problem.mesh)
     theta = problem.unknowns()
-    args = (problem, feet)
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
         if progress is silent:
-            found = optx.minimise(objective_of, solver, theta, args, has_aux=True, max_steps=max_steps, throw=False)
+            found = optx.minimise(objective_of, mine, theta, args, has_aux=True, max_steps=max_steps, throw=False)
             return Solved(found.value, found.aux[2], found.stats["num_steps"], found.result, found.aux[3])
-        return _stepwise(solver, theta, args, max_steps, progress, phase)
+        return _stepwise(mine, theta, args, max_steps, progress, phase, resume)
 
 
 @eqx.filter_jit
@@ -214,23 +218,46 @@ def objective_of(theta: Float[Array, "P"], args: Any) -> tuple[Float[Array, ""],
 
 
 def _stepwise(
-    solver: NormalEquationsSolver, theta: Array, args: Any, max_steps: int, progress: Progress, phase: str
+    solver: NormalEquationsSolver,
+    theta: Array,
+    args: Any,
+    max_steps: int,
+    progress: Progress,
+    phase: str,
+    resume: Snapshot | None,
 ) -> Solved:
-    # through the host, so that no leaf is weakly typed and the second step does not compile again
-    state = jax.tree.map(
-        lambda x: jnp.asarray(np.asarray(x)),
-        solver.init(objective_of, theta, args, {}, None, None, frozenset()),
-    )
     problem = args[0]
-    steps, stopped = 0, False
-    for steps in range(1, max_steps + 1):
+    state = solver.init(objective_of, theta, args, {}, None, None, frozenset())
+    if resume is not None:
+        known = lambda x: jnp.asarray(x, theta.dtype)
+        places = lambda s: (s.step_size, s.search)
+        search = jax.tree.map(lambda _: known(resume.step_size), state.search)
+        state = eqx.tree_at(places, state, (known(resume.measured), search))
+    state = _settled(state, problem.mesh)
+    steps, stopped, done, begun = 0, False, False, 0 if resume is None else resume.steps - 1
+    measured = step_size = float(state.step_size)
+    for steps in range(begun + 1, max_steps + 1):
         theta, state = _compiled_step(solver, theta, args, state)
+        # a refused step is smaller, and leaves what was measured before
+        before, step_size = step_size, float(state.step_size)
+        measured = before if step_size >= before else measured
         value = float(state.info.f)
-        stopped = bool(progress(Event(phase, steps, max_steps, (2 * value) ** 0.5 * float(problem.size))))
-        if stopped or bool(state.done) or not np.isfinite(value):
+        # what was done before is measured again, and no step more is made
+        done = bool(state.done) or (resume is not None and resume.done)
+        here = Snapshot(np.asarray(theta), step_size, measured, steps, done)
+        event = Event(phase, steps, max_steps, (2 * value) ** 0.5 * float(problem.size), here)
+        stopped = bool(progress(event))
+        if stopped or done or not np.isfinite(value):
             break
-    result = state.result if bool(state.done) or stopped else optx.RESULTS.nonlinear_max_steps_reached
+    result = state.result if done or stopped else optx.RESULTS.nonlinear_max_steps_reached
     return Solved(theta, state.feet, jnp.asarray(np.int32(steps)), result, state.freed, stopped)
+
+
+def _settled(state: _State, mesh: Any) -> _State:
+    """The state with every array where, and of the type that, a step leaves it: the second step does not compile again."""
+    if mesh is not None:
+        return on_mesh(state, mesh)
+    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)), state)
 
 
 @eqx.filter_jit

@@ -5,21 +5,23 @@ import math
 import zipfile
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ._rows import Rows
 from ._source import reason, refusal
 
+_HEADER = 1 << 17  # bytes, more than any header of an array of numbers has
 _POINT_NAMES = ("points", "xyz", "vertices", "arr_0")
 
 
-def array_from_npy(path: Path, data: bytes, *, name: str = "the array") -> np.ndarray:
+def array_from_npy(path: Path, data: Any, *, name: str = "the array") -> np.ndarray:
     """The array in the bytes of a .npy file, read-only.
 
     Pickled objects are refused, and so is a header that promises more or less data than there is.
     """
-    stream = io.BytesIO(data)
+    stream = io.BytesIO(data[:_HEADER])
     try:
         version = np.lib.format.read_magic(stream)
         read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
@@ -61,7 +63,7 @@ def zip_entries(path: Path, data: bytes) -> dict[str, bytes]:
         raise refusal(path, f"the file is cut or damaged ({reason(error)}); copy it again from its source") from error
 
 
-def read_npy(path: Path, data: bytes) -> Rows:
+def read_npy(path: Path, data: Any) -> Rows:
     """The one array of a .npy file."""
     return _as_points(path, array_from_npy(path, data), "the array")
 

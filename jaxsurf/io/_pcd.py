@@ -3,12 +3,12 @@
 import io
 import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .._errors import import_optional
-from ._rows import Rows
+from ._rows import Part, Rows
 from ._source import guarded, refusal
 from ._text import parse_table, refuse_cut_end, text_lines
 
@@ -27,12 +27,19 @@ class _Header(NamedTuple):
     lines: int
 
 
-def read_pcd(path: Path, data: bytes) -> Rows:
-    """The fields x, y and z; text, binary, and (with the package `pypcd4`) compressed."""
+def read_pcd(path: Path, data: Any, part: Part | None = None) -> Rows:
+    """The fields x, y and z; text, binary, and (with the package `pypcd4`) compressed.
+
+    part: of the points; those before and behind it are not kept, nor read from binary `data` that is mapped memory.
+    """
+    rows = _read(path, data, part or Part())
+    return rows if part is None or part.total else rows._replace(points=rows.points[part.of(len(rows.points))])
+
+
+def _read(path: Path, data: Any, part: Part) -> Rows:
     header = _read_header(path, data)
     if any(header.fields.count(axis) != 1 for axis in "xyz"):
         raise refusal(path, f"expected the PCD fields x, y and z, got {' '.join(header.fields)}; export it again")
-    body = data[header.size :]
     if header.encoding == "ascii":
         return _read_text(path, data, header)
     record = np.dtype(
@@ -43,15 +50,16 @@ def read_pcd(path: Path, data: bytes) -> Rows:
     )
     promised = header.points * record.itemsize
     if header.encoding == "binary":
-        if len(body) < promised or body[promised:].strip(b"\r\n\0"):
-            raise refusal(path, f"expected {promised} bytes for {header.points} PCD points, got {len(body)}; {_CUT}")
-        records = np.frombuffer(body, dtype=record, count=header.points)
+        there = len(data) - header.size
+        if there < promised or data[header.size + promised :].strip(b"\r\n\0"):
+            raise refusal(path, f"expected {promised} bytes for {header.points} PCD points, got {there}; {_CUT}")
+        records = np.frombuffer(data, dtype=record, count=header.points, offset=header.size)[part.of(header.points)]
         axes = [records[str(header.fields.index(axis))][:, 0] for axis in "xyz"]
         return Rows(np.stack([axis.astype(np.float64) for axis in axes], axis=1))
-    return Rows(_read_compressed(path, body, header, promised))
+    return Rows(_read_compressed(path, data[header.size :], header, promised))
 
 
-def _read_header(path: Path, data: bytes) -> _Header:
+def _read_header(path: Path, data: Any) -> _Header:
     entries, size, lines = {}, 0, 0
     for line in data[:_LONGEST].splitlines(keepends=True):
         size, lines = size + len(line), lines + 1
@@ -76,7 +84,7 @@ def _read_header(path: Path, data: bytes) -> _Header:
     return _Header(fields, kinds, counts, points, encoding, size, lines)
 
 
-def _read_text(path: Path, data: bytes, header: _Header) -> Rows:
+def _read_text(path: Path, data: Any, header: _Header) -> Rows:
     lines = text_lines(path, data[header.size :])
     numbers = [number for number, line in enumerate(lines, start=header.lines + 1) if line.strip()]
     rows = [line for line in lines if line.strip()]
@@ -85,7 +93,7 @@ def _read_text(path: Path, data: bytes, header: _Header) -> Rows:
     columns = [sum(header.counts[: header.fields.index(axis)]) for axis in "xyz"]
     points = parse_table(path, rows, numbers, columns=columns, width=sum(header.counts))
     if rows:
-        refuse_cut_end(path, data, rows, numbers[-1])
+        refuse_cut_end(path, data[-2:], rows, numbers[-1])
     return Rows(points, lambda index: f"line {numbers[index]}")
 
 

@@ -1,21 +1,26 @@
 """Points from PLY files: the vertices, with every count of the header compared with what follows."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ._ply_binary import read_binary
 from ._ply_header import Element, Header, read_header
-from ._rows import Rows
+from ._rows import Part, Rows
 from ._source import refusal
 from ._text import parse_table, refuse_cut_end, text_lines
 
 _CUT = "the file is cut or its counts are wrong, copy or export it again"
 
 
-def read_ply(path: Path, data: bytes) -> Rows:
-    """The x, y, z of the element `vertex`, whatever else stands around and between them; text or binary."""
-    data = data.removeprefix(b"\xef\xbb\xbf")
+def read_ply(path: Path, data: Any, part: Part | None = None) -> Rows:
+    """The x, y, z of the element `vertex`, whatever else stands around and between them; text or binary.
+
+    part: of the vertices; those before and behind it are not kept, nor read from binary `data` that is mapped memory.
+    """
+    if data[:3] == b"\xef\xbb\xbf":
+        data = data[3:]
     header = read_header(path, data)
     vertices = [element for element in header.elements if element.name == "vertex"]
     if len(vertices) != 1:
@@ -29,11 +34,12 @@ def read_ply(path: Path, data: bytes) -> Rows:
         )
     columns = [names.index(axis) for axis in "xyz"]
     if header.order:
-        return Rows(read_binary(path, data, header, columns))
-    return _read_text(path, data, header, columns)
+        return Rows(read_binary(path, data, header, columns, part or Part()))
+    rows = _read_text(path, data, header, columns)
+    return rows if part is None else rows._replace(points=rows.points[part.of(len(rows.points))])
 
 
-def _read_text(path: Path, data: bytes, header: Header, columns: list[int]) -> Rows:
+def _read_text(path: Path, data: Any, header: Header, columns: list[int]) -> Rows:
     lines = text_lines(path, data[header.size :])
     numbers = [number for number, line in enumerate(lines, start=header.lines + 1) if line.strip()]
     rows = [line for line in lines if line.strip()]
@@ -57,7 +63,7 @@ def _read_text(path: Path, data: bytes, header: Header, columns: list[int]) -> R
             table = parse_table(path, mine, theirs, columns=wanted or (0,), width=width)
             points, labels = (table, theirs) if wanted else (points, labels)
     if rows and elements[-1].name == "vertex":
-        refuse_cut_end(path, data, rows[-elements[-1].count :], numbers[-1])
+        refuse_cut_end(path, data[-2:], rows[-elements[-1].count :], numbers[-1])
     return Rows(points, lambda index: f"line {labels[index]}")
 
 

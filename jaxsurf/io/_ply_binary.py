@@ -3,18 +3,20 @@
 import struct
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ._ply_header import Element, Header
+from ._rows import Part
 from ._source import refusal
 
 _CODES = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "f4": "f", "f8": "d"}
 _CUT = "the file is cut or its counts are wrong, copy or export it again"
 
 
-def read_binary(path: Path, data: bytes, header: Header, columns: Sequence[int]) -> np.ndarray:
-    """The wanted columns of the element `vertex`, float64 of shape (vertices, columns).
+def read_binary(path: Path, data: Any, header: Header, columns: Sequence[int], part: Part) -> np.ndarray:
+    """The wanted columns of that part of the element `vertex`, float64 of shape (vertices, columns).
 
     Every element is walked through, so that a cut anywhere, or data that no element owns, is an error.
     """
@@ -27,7 +29,7 @@ def read_binary(path: Path, data: bytes, header: Header, columns: Sequence[int])
         if least > len(data) - offset:
             raise _too_short(path, element, least, len(data) - offset)
         wanted = columns if element.name == "vertex" else ()
-        table, offset = _read_element(path, data, offset, element, header.order, wanted)
+        table, offset = _read_element(path, data, offset, element, header.order, wanted, part)
         points = table if wanted else points
     rest = data[offset:]
     if rest.strip(b"\r\n"):
@@ -39,7 +41,7 @@ def read_binary(path: Path, data: bytes, header: Header, columns: Sequence[int])
 
 
 def _read_element(
-    path: Path, data: bytes, offset: int, element: Element, order: str, columns: Sequence[int]
+    path: Path, data: Any, offset: int, element: Element, order: str, columns: Sequence[int], part: Part
 ) -> tuple[np.ndarray, int]:
     """The wanted columns, and the offset behind the element."""
     first, end = _walk(path, data, offset, element, order, rows=1)
@@ -57,17 +59,18 @@ def _read_element(
         records = np.frombuffer(data, dtype=layout, count=element.count, offset=offset)
         lengths = [str(k) for k, property in enumerate(element.properties) if property.length_type is not None]
         if all((records[name] == records[name][0]).all() for name in lengths):
-            table = [records[str(k)].astype(np.float64) for k in columns]
+            chosen = part.of(element.count) if columns else slice(0, 0)
+            table = [records[str(k)][chosen].astype(np.float64) for k in columns]
             return np.stack(table or [np.empty(0)], axis=1), offset + size * element.count
     places, end = _walk(path, data, offset, element, order, rows=element.count)
     table = np.empty((element.count if columns else 0, len(columns)))
     for column, k in enumerate(columns):
         read = struct.Struct(order + _CODES[element.properties[k].type]).unpack_from
         table[:, column] = [read(data, row[k])[0] for row in places]
-    return table, end
+    return table[part.of(element.count)] if columns else table, end
 
 
-def _walk(path: Path, data: bytes, offset: int, element: Element, order: str, rows: int) -> tuple[list[list[int]], int]:
+def _walk(path: Path, data: Any, offset: int, element: Element, order: str, rows: int) -> tuple[list[list[int]], int]:
     """Where every property of every row begins, list by list, and the offset behind the last row."""
     steps = []
     for property in element.properties:

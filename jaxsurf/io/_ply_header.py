@@ -2,7 +2,7 @@
 
 import re
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ._source import refusal
 
@@ -49,9 +49,9 @@ class Header(NamedTuple):
     lines: int
 
 
-def read_header(path: Path, data: bytes) -> Header:
+def read_header(path: Path, data: Any) -> Header:
     """Parse the header; `InputError` names the line that is not understood."""
-    if not data.startswith((b"ply\n", b"ply\r", b"ply ")):
+    if data[:4] not in (b"ply\n", b"ply\r", b"ply "):
         raise refusal(path, f"expected a PLY file, which begins with 'ply', got {data[:12]!r}; check its suffix")
     end = re.compile(rb"(?:\r\n|\n|\r)end_header[ \t]*(\r\n|\n|\r|$)").search(data, 0, _LONGEST)
     if end is None:

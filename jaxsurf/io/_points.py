@@ -3,21 +3,23 @@
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from .._errors import InputError
 from ._e57 import read_e57
 from ._las import read_las
 from ._npy import read_npy, read_npz
 from ._obj import read_obj
 from ._pcd import read_pcd
 from ._ply import read_ply
-from ._rows import Rows, checked_points
-from ._source import read_bytes, refusal
+from ._rows import Part, Rows, checked_points
+from ._source import map_bytes, read_bytes, refusal
 from ._stl import read_stl
 from ._xyz import read_text
 
-_READERS: dict[str, Callable[[Path, bytes], Rows]] = {
+_READERS: dict[str, Callable[..., Rows]] = {
     ".xyz": read_text,
     ".txt": read_text,
     ".asc": read_text,
@@ -35,7 +37,13 @@ _READERS: dict[str, Callable[[Path, bytes], Rows]] = {
 }
 
 
-def read_points(path: str | os.PathLike) -> np.ndarray:
+# Readers that look only at a part of the file, or give rows that are read where they are looked at.
+_IN_PARTS: dict[str, Any] = {
+    suffix: reader for suffix, reader in _READERS.items() if reader in (read_text, read_ply, read_pcd)
+}
+
+
+def read_points(path: str | os.PathLike, *, shard: tuple[int, int] | None = None) -> np.ndarray:
     """Points of a file as a float64 array of shape (N, 3); the suffix of the name says the format.
 
     - `.xyz .txt .asc .pts .csv`: one point in a row, columns apart by white space, commas or semicolons; what
@@ -49,14 +57,30 @@ def read_points(path: str | os.PathLike) -> np.ndarray:
     Columns behind the third (normals, colours, intensity) are left aside. Equal points stay, in the file's
     order. The numbers are those of the file: no unit is known, nothing is moved or scaled.
 
+    shard: (i, n) for the i-th, from 0, of n consecutive parts of the points, as equal as can be; one may be empty. Text,
+    `.npy`, binary `.ply` and binary `.pcd` are then never held whole; the other formats are read, and a part kept.
+
     Raises `InputError` when the file is missing, empty, of an unknown format, cut (every count that the
     format has is compared with the data), or holds NaN or infinite coordinates; the message names the line or
     the point, counted from 1.
     """
     path = Path(path)
-    data = read_bytes(path)
-    reader = _READERS.get(path.suffix.lower())
+    part = None if shard is None else _part(shard)
+    data = read_bytes(path) if part is None else map_bytes(path)
+    suffix = path.suffix.lower()
+    reader = _READERS.get(suffix)
     if reader is None:
-        suffix = repr(path.suffix) if path.suffix else "no suffix"
-        raise refusal(path, f"expected a suffix among {' '.join(_READERS)}, got {suffix}; rename or convert it")
-    return checked_points(path, reader(path, data))
+        said = repr(path.suffix) if path.suffix else "no suffix"
+        raise refusal(path, f"expected a suffix among {' '.join(_READERS)}, got {said}; rename or convert it")
+    if part is None:
+        return checked_points(path, reader(path, data))
+    if suffix in _IN_PARTS:
+        return checked_points(path, _IN_PARTS[suffix](path, data, part), part)
+    rows = reader(path, data if suffix == ".npy" else data[:])
+    return checked_points(path, rows._replace(points=rows.points[part.of(len(rows.points))]), part)
+
+
+def _part(shard: tuple[int, int]) -> Part:
+    if len(shard) != 2 or not 0 <= shard[0] < shard[1]:
+        raise InputError(f"`shard` must be (i, n) with 0 ≤ i < n, such as (0, 4), got {shard!r}.")
+    return Part(*shard)

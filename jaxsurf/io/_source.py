@@ -1,10 +1,11 @@
 """The bytes of a file, or one sentence that says why they cannot be read."""
 
+import mmap
 import os
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from .._errors import InputError
 
@@ -36,7 +37,20 @@ def read_bytes(path: str | os.PathLike) -> bytes:
     Raises `InputError` when the file is missing, a folder, no ordinary file, empty, packed, a Git LFS
     pointer, or may not be read.
     """
-    path = Path(path)
+    return _checked(Path(path), lambda path: path.read_bytes())
+
+
+def map_bytes(path: str | os.PathLike) -> Any:
+    """The file as memory that is read where it is looked at; checked, and refused, as by `read_bytes`."""
+
+    def mapped(path: Path) -> Any:
+        with path.open("rb") as file:
+            return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if path.stat().st_size else b""
+
+    return _checked(Path(path), mapped)
+
+
+def _checked(path: Path, read: Callable[[Path], Any]) -> Any:
     try:
         if path.is_dir():
             raise refusal(path, "it is a folder; give the name of a file")
@@ -44,7 +58,7 @@ def read_bytes(path: str | os.PathLike) -> bytes:
             raise refusal(path, "the file does not exist; check the name")
         if not path.is_file():  # a pipe would wait for ever
             raise refusal(path, "it is no ordinary file; copy its content into one")
-        data = path.read_bytes()
+        data = read(path)
     except PermissionError as error:
         raise refusal(path, "permission denied; ask its owner for the right to read it") from error
     except OSError as error:
@@ -52,9 +66,9 @@ def read_bytes(path: str | os.PathLike) -> bytes:
     if not data:
         raise refusal(path, "the file is empty; export or copy it again")
     for magic, packed in _PACKED.items():
-        if data.startswith(magic):
+        if data[: len(magic)] == magic:
             raise refusal(path, f"it is {packed}; unpack it first")
-    if data.startswith(b"version https://git-lfs"):
+    if data[:23] == b"version https://git-lfs":
         raise refusal(path, "it is a Git LFS pointer, not the data; fetch the data with `git lfs pull`")
     return data
 

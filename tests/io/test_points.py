@@ -457,3 +457,49 @@ def test_a_pcd_file_that_was_really_compressed(tmp_path):
     cloud.save(str(path), encoding=Encoding.BINARY_COMPRESSED)
     assert b"DATA binary_compressed" in path.read_bytes()
     np.testing.assert_array_equal(read_points(path), np.full((60, 3), 0.5))
+
+
+# --- parts of files
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_the_parts_of_a_file_make_the_whole(write, name):
+    suffix, build, _, _ = FORMATS[name]
+    path = write(f"cloud{suffix}", build(POINTS))
+    parts = [read_points(path, shard=(i, 7)) for i in range(7)]
+    assert [len(part) for part in parts] == [9, 9, 9, 9, 8, 8, 8]
+    np.testing.assert_array_equal(np.concatenate(parts), read_points(path))
+
+
+@pytest.mark.parametrize("before", ["", "x y z\n", "60\n", "# why\n\nx y z  // names\n"])
+def test_text_is_read_in_blocks(write, monkeypatch, before):
+    monkeypatch.setattr("jaxsurf.io._xyz._BLOCK", 100)
+    path = write("cloud.xyz", before + rows(POINTS[:30]) + "# half\n\n" + rows(POINTS[30:]))
+    parts = [read_points(path, shard=(i, 4)) for i in range(4)]
+    np.testing.assert_array_equal(np.concatenate(parts), read_points(path))
+    bad = path.read_text().replace(f"{POINTS[40, 0]:.6f}", "nan")
+    line = next(number for number, text in enumerate(bad.splitlines(), 1) if "nan" in text)
+    write("cloud.xyz", bad)
+    assert len(read_points(path, shard=(0, 2))) == 30
+    with pytest.raises(InputError, match=rf"in line {line} \(1 of 30"):
+        read_points(path, shard=(1, 2))
+
+
+def test_a_point_in_a_part_has_the_number_that_it_has_in_the_file(write):
+    points = POINTS.copy()
+    points[50] = np.nan
+    for name, content in (("c.npy", npy(points)), ("c.ply", binary_ply(points, "<"))):
+        with pytest.raises(InputError, match=r"in point 51 \(1 of 30"):
+            read_points(write(name, content), shard=(1, 2))
+
+
+def test_parts_of_few_points_and_wrong_parts(write):
+    path = write("c.xyz", "1 2 3\n4 5 6\n")
+    assert [len(read_points(path, shard=(i, 3))) for i in range(3)] == [1, 1, 0]
+    for shard in ((2, 2), (-1, 2), (0, 0)):
+        with pytest.raises(InputError, match=r"`shard` must be \(i, n\)"):
+            read_points(path, shard=shard)
+    with pytest.raises(InputError, match="it holds no points"):
+        read_points(write("c.npy", npy(POINTS[:0])), shard=(0, 2))
+    with pytest.raises(InputError, match="the file is empty"):
+        read_points(write("c.npy", b""), shard=(0, 2))
