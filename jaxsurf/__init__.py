@@ -118,6 +118,7 @@ from .fit import (
     Uncertainty as Uncertainty,
     align as align,
     fit as fit,
+    fit_best as fit_best,
     fit_cloud as fit_cloud,
     fit_many as fit_many,
     fit_qi as fit_qi,

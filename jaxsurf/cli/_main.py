@@ -83,9 +83,9 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--family",
         default="bspline",
-        choices=("bspline", "qi", "sweep"),
-        help="bspline, qi: a quaternion integral surface, shaped by tangents, or sweep: of the kind that explains the cloud "
-        "with the fewest numbers (default bspline)",
+        choices=("bspline", "qi", "sweep", "best"),
+        help="bspline, qi: a quaternion integral surface, shaped by tangents, sweep: of the kind that explains the cloud "
+        "with the fewest numbers, or best: of all these, in several sizes, the one that does (default bspline)",
     )
     parser.add_argument(
         "--rotation",
@@ -239,7 +239,20 @@ def _found_sweep(options: argparse.Namespace, points: Any, progress: Any) -> Any
     )
 
 
-_FAMILIES = {"bspline": _found_bspline, "qi": _found_qi, "sweep": _found_sweep}
+def _found_best(options: argparse.Namespace, points: Any, progress: Any) -> Any:
+    from ..fit import fit_best
+
+    _refuse(options, "best")
+    if options.degree is not None:
+        raise InputError(f"`--degree` does not go with `--family best`, got {options.degree}; leave it out.")
+    found = fit_best(points, loss=options.loss, fairness=options.smooth, holdout=options.holdout or None, progress=progress)
+    if not options.quiet:
+        print(found)
+    options.family = found.name.split()[0]
+    return found
+
+
+_FAMILIES = {"bspline": _found_bspline, "qi": _found_qi, "sweep": _found_sweep, "best": _found_best}
 
 
 def _refuse(options: argparse.Namespace, family: str) -> None:

@@ -1,4 +1,5 @@
 from ._align import Alignment as Alignment, align as align
+from ._choice import BestFit as BestFit, FamilyCandidate as FamilyCandidate, fit_best as fit_best
 from ._cloud import CloudFit as CloudFit, Stage as Stage, fit_cloud as fit_cloud, sample_index as sample_index
 from ._coverage import Coverage as Coverage, coverage as coverage
 from ._deviation import Deviation as Deviation
