@@ -14,10 +14,14 @@ PACKAGES = ("jaxsurf", "jax", "numpy", "scipy", "splinepy", "splipy", "ndsplines
 
 
 class Run(NamedTuple):
-    """What is timed: a call that ends when its result is there, and how many items it works on."""
+    """What is timed: a call that ends when its result is there, and how many items it works on.
+
+    unit: where it is not `None`, the call returns the number that counts, in that unit, and is made once.
+    """
 
     call: Callable[[], Any]
     items: int = 1
+    unit: str | None = None
 
 
 class Figure(NamedTuple):
@@ -25,7 +29,8 @@ class Figure(NamedTuple):
 
     kind: "faster": `ours` does at least `bound` times the items per second of `other`; "at most": it takes at
     most `bound` times the time; "more": at most `bound` seconds more; "rate": at least `bound` million items per second;
-    "first call": it is there after at most `bound` seconds, compiled and run. The last two compare with no other.
+    "seconds": it takes at most `bound` seconds; "first call": it is there after at most `bound` seconds, compiled and run;
+    "below": what it measured is at most `bound`. The last four compare with no other.
     """
 
     kind: str
@@ -35,16 +40,17 @@ class Figure(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One task, done by several; the value of `runs` is None for what is not installed."""
+    """One task, done by several; the value of `runs` is None for what is not installed. repeats: fewer for long tasks."""
 
     what: str
     runs: dict[str, Run | None]
     figures: Sequence[Figure]
+    repeats: int | None = None
 
 
 def run(rows: Sequence[Row], repeats: int) -> dict[str, Any]:
     """Time all rows; within a row the runs take turns, so that a busy moment hits all of them."""
-    return {"machine": machine(), "repeats": repeats, "rows": [_run_row(row, repeats) for row in rows]}
+    return {"machine": machine(), "repeats": repeats, "rows": [_run_row(row, row.repeats or repeats) for row in rows]}
 
 
 def machine() -> dict[str, Any]:
@@ -95,10 +101,11 @@ def table(report: dict[str, Any]) -> str:
         first = "<br>".join(
             f"{label}: {run['first']:.2g} s"
             for label, run in row["runs"].items()
-            if run and label in {f["ours"] for f in row["figures"]}
+            if run and "first" in run and label in {f["ours"] for f in row["figures"]}
         )
+        fewer = f" ({row['repeats']} repeats)" if row.get("repeats") not in (None, report["repeats"]) else ""
         for i, figure in enumerate(row["figures"]):
-            what = (row["what"], times, first) if i == 0 else ("", "", "")
+            what = (row["what"] + fewer, times, first) if i == 0 else ("", "", "")
             lines.append("| " + " | ".join([*what, _goal(figure), _reached(figure), _holds(figure)]) + " |")
     repeats = f"Medians of {report['repeats']} interleaved repeats, without the first call"
     lines += ["", f"{repeats}; {machine['processor']}, {machine['cores']} cores; {versions}."]
@@ -118,23 +125,22 @@ def refresh(readme: Path, name: str, report: dict[str, Any]) -> bool:
 
 
 def _run_row(row: Row, repeats: int) -> dict[str, Any]:
-    times: dict[str, list[float]] = {}
-    first = {label: _timed(run.call) for label, run in row.runs.items() if run}
-    for _ in range(repeats):
-        for label, run in row.runs.items():
-            if run:
-                times.setdefault(label, []).append(_timed(run.call))
-    runs = {
-        label: run
-        and {
-            "seconds": statistics.median(times[label]),
-            "fastest": min(times[label]),
-            "first": first[label],
-            "items": run.items,
-        }
-        for label, run in row.runs.items()
-    }
-    return {"what": row.what, "runs": runs, "figures": [_judge(figure, runs) for figure in row.figures]}
+    """Made in the order of the row: first calls, then what is measured once, then the timed ones in turns."""
+    timed = {label: run for label, run in row.runs.items() if run and run.unit is None}
+    times: dict[str, list[float]] = {label: [] for label in timed}
+    first = {label: _timed(run.call) for label, run in timed.items()}
+    runs: dict[str, Any] = {label: None for label in row.runs}
+    for label, run in row.runs.items():
+        if run and run.unit is not None:
+            runs[label] = {"value": float(run.call()), "unit": run.unit}
+    for _ in range(repeats if timed else 0):
+        for label, run in timed.items():
+            times[label].append(_timed(run.call))
+    for label, run in timed.items():
+        found = times[label]
+        runs[label] = {"seconds": statistics.median(found), "fastest": min(found), "first": first[label], "items": run.items}
+    judged = [_judge(figure, runs) for figure in row.figures]
+    return {"what": row.what, "repeats": repeats if timed else None, "runs": runs, "figures": judged}
 
 
 def _judge(figure: Figure, runs: dict[str, Any]) -> dict[str, Any]:
@@ -142,8 +148,12 @@ def _judge(figure: Figure, runs: dict[str, Any]) -> dict[str, Any]:
     judged = {**figure._asdict(), "reached": None, "holds": None}
     if ours is None or other is None:
         return judged
+    if figure.kind == "below":
+        reached = ours["value"]
+        return {**judged, "reached": reached, "holds": reached <= figure.bound, "unit": ours["unit"]}
     a, b = ours["seconds"] / ours["items"], other["seconds"] / other["items"]
-    reached = {"faster": b / a, "at most": a / b, "more": a - b, "rate": 1e-6 / a, "first call": ours["first"]}[figure.kind]
+    kinds = {"faster": b / a, "at most": a / b, "more": a - b, "rate": 1e-6 / a, "first call": ours["first"], "seconds": a}
+    reached = kinds[figure.kind]
     holds = reached >= figure.bound if figure.kind in ("faster", "rate") else reached <= figure.bound
     return {**judged, "reached": reached, "holds": holds}
 
@@ -166,6 +176,10 @@ def _processor() -> str:
 def _time(run: dict[str, Any] | None) -> str:
     if run is None:
         return "not installed"
+    if "value" in run:
+        return f"{run['value']:.3g} {run['unit']}".rstrip()
+    if run["seconds"] >= 10 and run["items"] == 1:
+        return f"{run['seconds']:.3g} s"
     milliseconds = f"{1e3 * run['seconds']:.3g} ms"
     rate = run["items"] / run["seconds"] / 1e6
     return milliseconds if run["items"] == 1 else f"{milliseconds} ({rate:.3g} M/s)"
@@ -178,6 +192,8 @@ def _goal(figure: dict[str, Any]) -> str:
         "more": "≤ {:g} s more than {}",
         "rate": "≥ {:g} M/s",
         "first call": "first call ≤ {:g} s",
+        "seconds": "≤ {:g} s",
+        "below": f"≤ {{:g}} {figure.get('unit', '')}".rstrip(),
     }
     return pattern[figure["kind"]].format(figure["bound"], figure["other"])
 
@@ -185,7 +201,9 @@ def _goal(figure: dict[str, Any]) -> str:
 def _reached(figure: dict[str, Any]) -> str:
     if figure["reached"] is None:
         return "absent"
-    unit = {"more": "s", "first call": "s", "rate": "M/s"}.get(figure["kind"], "×")
+    if figure["kind"] == "below":
+        return f"{figure['reached']:.3g} {figure['unit']}".rstrip()
+    unit = {"more": "s", "first call": "s", "seconds": "s", "rate": "M/s"}.get(figure["kind"], "×")
     return f"{figure['reached']:.3g} {unit}" if unit == "M/s" else f"{figure['reached']:.2g} {unit}"
 
 

@@ -1,0 +1,69 @@
+"""Ground truth: of all families a member is found again from noisy points as well as their noise allows.
+
+σ √(n/N) is what N points of noise σ leave of n numbers that they determine. For a net of P control points n is often put at P,
+the components along the normal; that holds for a fair sheet whose start differs from it in those only. Components along the
+sheet, P of a curve and 2 P of a surface, are seen too, the more it is bent from one control point to the next and the farther
+off they are at the start: n then lies between P and 3 P, and `Truth.seen` finds it without any code of `fit`.
+"""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+from truths import NOISE, TRUTHS, Truth
+
+import jaxsurf as js
+
+SEEDS = range(20)
+ROBUST = ["B-spline surface, 6 × 6", "B-spline curve", "sphere"]
+
+
+def errors(truth: Truth, start, measured, **options) -> np.ndarray:
+    """Rms distance of true points to the fitted shape for each seed; of the border only the last points know."""
+    inside = np.asarray(truth.member(*truth.parameters(np.random.default_rng(99), 0.03, 500)))
+    found = []
+    for seed in SEEDS:
+        rng = np.random.default_rng(seed)
+        points = measured(rng)
+        fitted = js.fit(start(rng), points, free=truth.free, **options).shape
+        found.append(np.sqrt(np.mean(np.asarray(js.closest_point(fitted, inside).distance) ** 2)))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("name", TRUTHS)
+def test_members_are_found_as_well_as_noise_allows(name):
+    truth = TRUTHS[name]()
+    numbers = truth.seen()
+    reached = errors(truth, truth.start, truth.measured) / (NOISE * np.sqrt(numbers / truth.count))
+    # of few numbers even a perfect estimate strays further: as one of a thousand such tests would
+    worst = max(1.5, np.sqrt(chi2.isf(1e-3 / len(SEEDS), numbers) / numbers))
+    assert reached.mean() <= 1.1, reached.mean()
+    assert reached.max() <= worst, (reached.max(), worst)
+
+
+@pytest.mark.parametrize("name", ["B-spline surface, 6 × 6", "B-spline surface, 8 × 8"])
+def test_of_a_dented_net_one_number_is_paid_for_each_control_point(name):
+    truth = TRUTHS[name]()
+    law = NOISE * np.sqrt(truth.member.control_points[..., 0].size / truth.count)
+    reached = errors(truth, lambda rng: truth.dented(rng, 0.3), truth.measured) / law
+    assert reached.mean() <= 1.1, reached.mean()
+    assert reached.max() <= 1.5, reached.max()
+
+
+@pytest.mark.parametrize("sided", ["one side", "two sides"])
+@pytest.mark.parametrize("options", [{"loss": "tukey"}, {"trimmed": 0.35}], ids=["tukey", "trimmed"])
+@pytest.mark.parametrize("name", ROBUST)
+def test_thirty_percent_of_gross_outliers_do_not_matter(name, options, sided):
+    """They lie 10 to 200 standard deviations off."""
+    truth = TRUTHS[name]()
+
+    def spoiled(rng: np.random.Generator) -> np.ndarray:
+        points = truth.measured(rng)
+        far = rng.choice(truth.count, 3 * truth.count // 10, replace=False)
+        lift = NOISE * rng.uniform(10, 200, len(far))
+        points[far, 2] += lift if sided == "one side" else lift * rng.choice([-1, 1], len(far))
+        return points
+
+    clean = errors(truth, truth.start, truth.measured)
+    reached = errors(truth, truth.start, spoiled, **options)
+    print(name, options, sided, reached.mean() / clean.mean(), (reached / clean).max())
+    assert reached.mean() <= 2 * clean.mean()
