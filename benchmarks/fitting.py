@@ -1,4 +1,4 @@
-"""Fits of nets and closest points: how fast, against which peers, how time and memory grow with the cloud, and many at once."""
+"""Fits of nets and closest points: how fast, against which peers, how time and memory grow, and many at once."""
 
 import importlib
 import subprocess

@@ -102,9 +102,9 @@ def fit_best(
         raise InputError(f"None of the `candidates` can be fitted to {points.shape[0]} points; name smaller ones.")
     tried.sort(key=lambda pair: pair[0].criterion)
     best, found = tried[0]
-    parts = [getattr(found, name) for name in CloudFit.__dataclass_fields__ if name != "stopped"]
-    parts.insert(list(CloudFit.__dataclass_fields__).index("stopped"), stopped)
-    return BestFit(*parts, best.name, tuple(candidate for candidate, _ in tried))
+    parts: dict[str, Any] = {name: getattr(found, name) for name in CloudFit.__dataclass_fields__}
+    parts["stopped"] = stopped
+    return BestFit(**parts, name=best.name, tried=tuple(candidate for candidate, _ in tried))
 
 
 def _understood(name: str) -> tuple[str, int, Callable[[Any, dict[str, Any]], CloudFit]]:

@@ -118,10 +118,10 @@ def fit(
     options["rtol"] = usual_tolerance(problem.rest.size, cloud.count) if rtol is None else rtol
     total, freed = np.int32(0), jnp.zeros((), places.dtype)
     found: Solved | None = None
-    for turn, (name, share) in enumerate(stages(loss, trimmed)):
+    for turn, stage in enumerate(stages(loss, trimmed)):
         if resume is not None and turn < resume.round:
             continue
-        problem = staged(problem, feet, counts, name, share, None if resume is None else resume.scale)
+        problem = staged(problem, feet, counts, stage, None if resume is None else resume.scale)
         told = silent if traced or progress is silent else _telling(progress, turn, problem.scale)
         for _ in range(_RENEWALS + 1):
             found = _solved(problem, feet, {**options, "progress": told, "resume": resume})

@@ -9,6 +9,8 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from ._quantile import quantile
 
+_ROUNDS, _FAR = 3, 4.0  # of finding the noise without outliers; from how many standard deviations on these begin
+
 
 class Loss(NamedTuple):
     """A loss ρ(z) of z = (residual / scale)², its derivative ρ'(z), and the scale in standard deviations of the noise.
@@ -50,7 +52,12 @@ def find_loss(name: str) -> Loss:
 
 
 def noise_scale(distance: Float[Array, "*K N"], counted: Float[Array, "*K N"]) -> Float[Array, "*K"]:
-    """Standard deviation of the noise, from the median of |distance| over the points of positive weight."""
+    """Standard deviation of the noise, from the median of |distance| over the points of positive weight that are no outliers
+    for the median: with a third of outliers that of all would be half too large."""
     half = jnp.asarray(0.5, distance.dtype)
     middle = jnp.vectorize(lambda far, counts: quantile(far, counts, half), signature="(n),(n)->()")
-    return 1.4826 * middle(jnp.abs(distance), counted > 0)
+    far, counts = jnp.abs(distance), counted > 0
+    for _ in range(_ROUNDS):
+        noise = 1.4826 * middle(far, counts)
+        counts &= far <= _FAR * noise[..., None]
+    return 1.4826 * middle(far, counts)

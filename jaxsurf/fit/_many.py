@@ -91,9 +91,9 @@ def _fit_many(
     problems = each(put)(shapes, points, weights)
     feet = each(nearest_samples)(shapes, points)
     steps, freed, found = jnp.zeros(points.shape[0], jnp.int32), jnp.zeros(points.shape[0], points.dtype), None
-    for loss, trimmed in rounds:
-        stage = lambda problem, feet, weights, loss=loss, trimmed=trimmed: staged(problem, feet, weights, loss, trimmed)
-        problems = each(stage)(problems, feet, weights)
+    for stage in rounds:
+        put = lambda problem, feet, weights, stage=stage: staged(problem, feet, weights, stage)
+        problems = each(put)(problems, feet, weights)
         found = solve_all(problems, feet, max(1, _TOGETHER // points.shape[1]), **steering)
         shapes = each(lambda problem, theta: problem.member(theta))(problems, found.theta)
         problems, feet, steps = eqx.tree_at(lambda p: p.shape, problems, shapes), found.feet, steps + found.steps

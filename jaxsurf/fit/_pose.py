@@ -1,7 +1,7 @@
 """How a fit is posed: its units, its quiet background, and the rounds of robust losses."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -20,7 +20,7 @@ from ._quantile import quantile
 from ._shard import at_home, over_shards
 
 _NETS = (BSplineSurface, NURBSSurface, BSplineCurve, NURBSCurve)
-_TRIMMINGS = 6  # rounds in which the farthest points are chosen anew
+_TRIMMINGS = 4  # rounds in which the farthest points are chosen anew
 
 
 def posed(
@@ -63,28 +63,36 @@ def posed(
     )
 
 
-def stages(loss: str, trimmed: float) -> list[tuple[str, float]]:
-    """Losses of the rounds, each with the scale found anew, and the shares that they leave out; one that forgets far points
-    starts from one that does not."""
-    rounds = {"squared": ["squared"], "huber": ["huber"] * 3}.get(loss, ["huber", "huber", loss, loss])
-    if trimmed == 0:
-        return [(name, 0.0) for name in rounds]
-    # the far points are known only after a fit that they do not bend
-    return [("huber", 0.0), ("huber", 0.0), *((rounds[-1], trimmed) for _ in range(_TRIMMINGS))]
+class Round(NamedTuple):
+    """One solve of a robust fit: the loss, the share of the points that does not count, and by how much the scale of the loss
+    is larger than the noise asks for."""
+
+    loss: str
+    trimmed: float = 0.0
+    factor: float = 1.0
 
 
-def staged(
-    problem: Problem, feet: Array, weights: Float[Array, "N"], loss: str, trimmed: float, scale: float | None = None
-) -> Problem:
+def stages(loss: str, trimmed: float) -> tuple[Round, ...]:
+    """The rounds of a fit, each with the noise found anew. A loss that forgets far points has minima of its own about every
+    group of points: it starts from one that does not, and with a scale that still sees far."""
+    start = (Round("huber"), Round("tukey", factor=4.0), Round("tukey", factor=2.0))
+    if trimmed > 0:
+        return (*start, *(Round("squared" if loss == "tukey" else loss, trimmed) for _ in range(_TRIMMINGS)))
+    if loss == "tukey":
+        return (*start, Round("tukey"), Round("tukey"))
+    return {"squared": (Round("squared"),), "huber": (Round("huber"),) * 3}.get(loss, (Round("huber"), *[Round(loss)] * 3))
+
+
+def staged(problem: Problem, feet: Array, weights: Float[Array, "N"], stage: Round, scale: float | None = None) -> Problem:
     """The problem of the next round: its loss, the scale by the distances now, unless it is known, the farthest points
     without weight."""
-    if loss == "squared" and trimmed == 0:
+    if stage == Round("squared"):
         return problem
     distance = over_shards(problem.mesh, _distances, problem.shape, problem.points, feet)
-    found, weights = _scale_and_weights(distance, weights, problem.size, loss, trimmed)
+    found, weights = _scale_and_weights(distance, weights, problem.size, stage)
     known = at_home(found, problem.mesh) if scale is None else jnp.asarray(scale, distance.dtype)
     problem = eqx.tree_at(lambda p: (p.scale, p.weights), problem, (known, weights))
-    return Problem(**{**vars(problem), "loss": loss})
+    return Problem(**{**vars(problem), "loss": stage.loss})
 
 
 def _distances(shape: Any, points: Array, feet: Array) -> Float[Array, "N"]:
@@ -92,11 +100,11 @@ def _distances(shape: Any, points: Array, feet: Array) -> Float[Array, "N"]:
 
 
 @eqx.filter_jit
-def _scale_and_weights(distance: Array, weights: Array, size: Array, loss: str, trimmed: float) -> tuple[Array, Array]:
-    if trimmed > 0:
-        far = quantile(distance, weights > 0, jnp.asarray(1 - trimmed, distance.dtype))
+def _scale_and_weights(distance: Array, weights: Array, size: Array, stage: Round) -> tuple[Array, Array]:
+    if stage.trimmed > 0:
+        far = quantile(distance, weights > 0, jnp.asarray(1 - stage.trimmed, distance.dtype))
         weights = jnp.where(distance <= far, weights, 0)
-    noise = noise_scale(distance, weights) * find_loss(loss).deviations
+    noise = noise_scale(distance, weights) * (find_loss(stage.loss).deviations * stage.factor)
     return jnp.maximum(noise, 1e-12 * size), weights
 
 

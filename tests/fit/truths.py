@@ -1,5 +1,4 @@
-"""Known members of many families, the disturbed starts and noisy points that they are recovered from, and how well that can be
-done at all."""
+"""Known members of many families, disturbed starts and noisy points to recover them from, and how well that can be done."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -18,7 +17,7 @@ NOISE = 0.01  # a thousandth of the size, which is about 10 for all
 
 
 class Truth(NamedTuple):
-    """A member of a family, how many points it is recovered from, its free arrays, and how far these are off at the start."""
+    """A member of a family, how many points it is recovered from, its free arrays, and how far they are off at the start."""
 
     member: Any
     count: int
@@ -85,7 +84,7 @@ def _net_6x6() -> Truth:
 
 
 def _net_8x8() -> Truth:
-    return Truth(js.BSplineSurface(_net(8, 0.1), *[js.clamped_knots(8, 3)] * 2, 3, 3), 1280, _points, 0.1)
+    return Truth(js.BSplineSurface(_net(8, 0.1), js.clamped_knots(8, 3), js.clamped_knots(8, 3), 3, 3), 1280, _points, 0.1)
 
 
 def _nurbs() -> Truth:
