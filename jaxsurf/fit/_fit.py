@@ -30,6 +30,7 @@ from ._snapshot import Snapshot
 from ._solve import Solved, solve
 
 _RENEWALS = 3
+_UNSETTLED = 6  # steps of a round from which the next one differs anyway
 _SIGNIFICANT = 0.1  # share of the gain that a free number owes to noise; steps that gain less for each are not taken
 
 
@@ -118,13 +119,15 @@ def fit(
     options["rtol"] = usual_tolerance(problem.rest.size, cloud.count) if rtol is None else rtol
     total, freed = np.int32(0), jnp.zeros((), places.dtype)
     found: Solved | None = None
+    bent = problem.bending
     for turn, stage in enumerate(stages(loss, trimmed)):
         if resume is not None and turn < resume.round:
             continue
-        problem = staged(problem, feet, counts, stage, None if resume is None else resume.scale)
+        problem = staged(problem, feet, counts, bent, stage, None if resume is None else resume.scale)
         told = silent if traced or progress is silent else _telling(progress, turn, problem.scale)
         for _ in range(_RENEWALS + 1):
-            found = _solved(problem, feet, {**options, "progress": told, "resume": resume})
+            steer = options if stage.settled else {**options, "release": 1.0, "max_steps": min(max_steps, _UNSETTLED)}
+            found = _solved(problem, feet, {**steer, "progress": told, "resume": resume})
             shape, feet, resume = _moved(shape, at_home(found.theta, mesh), problem.free), found.feet, None
             total = total + at_home(found.steps, mesh).astype(jnp.int32)
             freed = freed + at_home(found.freed, mesh)

@@ -21,7 +21,7 @@ from ._found import Fit, attached, frozen, given_way
 from ._implicit import with_derivatives
 from ._lanes import solve_all
 from ._losses import find_loss
-from ._pose import posed, staged, stages
+from ._pose import Round, posed, staged, stages
 from ._problem import free_leaves, unknowns_of
 
 _TOGETHER = 4096  # points of scans that are worked on side by side: they stay in the caches
@@ -81,7 +81,7 @@ def _fit_many(
     points: Array,
     weights: Array,
     pose: dict[str, Any],
-    rounds: list[tuple[str, float]],
+    rounds: tuple[Round, ...],
     steering: dict[str, Any],
 ) -> Fit:
     each = lambda f: eqx.filter_vmap(f)
@@ -91,9 +91,10 @@ def _fit_many(
     problems = each(put)(shapes, points, weights)
     feet = each(nearest_samples)(shapes, points)
     steps, freed, found = jnp.zeros(points.shape[0], jnp.int32), jnp.zeros(points.shape[0], points.dtype), None
+    bent = problems.bending
     for stage in rounds:
-        put = lambda problem, feet, weights, stage=stage: staged(problem, feet, weights, stage)
-        problems = each(put)(problems, feet, weights)
+        put = lambda problem, feet, weights, bent, stage=stage: staged(problem, feet, weights, bent, stage)
+        problems = each(put)(problems, feet, weights, bent)
         found = solve_all(problems, feet, max(1, _TOGETHER // points.shape[1]), **steering)
         shapes = each(lambda problem, theta: problem.member(theta))(problems, found.theta)
         problems, feet, steps = eqx.tree_at(lambda p: p.shape, problems, shapes), found.feet, steps + found.steps

@@ -20,6 +20,8 @@ from ._quantile import quantile
 from ._shard import at_home, over_shards
 
 _NETS = (BSplineSurface, NURBSSurface, BSplineCurve, NURBSCurve)
+STIFFER = 100.0  # times the bending by which a robust fit starts
+_HALVINGS = 5  # rounds in which the better half of the points is chosen anew
 _TRIMMINGS = 4  # rounds in which the farthest points are chosen anew
 
 
@@ -64,34 +66,45 @@ def posed(
 
 
 class Round(NamedTuple):
-    """One solve of a robust fit: the loss, the share of the points that does not count, and by how much the scale of the loss
-    is larger than the noise asks for."""
+    """One solve of a robust fit: the loss, the share of the points that does not count, and whether the shape is thought to
+    be near where it belongs."""
 
     loss: str
     trimmed: float = 0.0
-    factor: float = 1.0
+    settled: bool = False
 
 
 def stages(loss: str, trimmed: float) -> tuple[Round, ...]:
     """The rounds of a fit, each with the noise found anew. A loss that forgets far points has minima of its own about every
-    group of points: it starts from one that does not, and with a scale that still sees far."""
-    start = (Round("huber"), Round("tukey", factor=4.0), Round("tukey", factor=2.0))
+    group of points: it starts from the better half of the points, found in rounds of its own, and from a stiffer shape
+    that does not reach out for the others. Source: Rousseeuw, Leroy, Robust regression and outlier detection, 1987."""
+    if loss == "squared" and trimmed == 0:
+        return (Round("squared", settled=True),)
+    if loss == "huber" and trimmed == 0:
+        return (Round("huber", settled=True),) * 3
+    start = (Round("huber"), *[Round("squared", trimmed=0.5)] * _HALVINGS)
     if trimmed > 0:
-        return (*start, *(Round("squared" if loss == "tukey" else loss, trimmed) for _ in range(_TRIMMINGS)))
-    if loss == "tukey":
-        return (*start, Round("tukey"), Round("tukey"))
-    return {"squared": (Round("squared"),), "huber": (Round("huber"),) * 3}.get(loss, (Round("huber"), *[Round(loss)] * 3))
+        return (*start, *[Round("squared" if loss == "tukey" else loss, trimmed, settled=True)] * _TRIMMINGS)
+    return (*start, Round(loss, settled=True), Round(loss, settled=True))
 
 
-def staged(problem: Problem, feet: Array, weights: Float[Array, "N"], stage: Round, scale: float | None = None) -> Problem:
+def staged(
+    problem: Problem,
+    feet: Array,
+    weights: Float[Array, "N"],
+    bending: Float[Array, ""],
+    stage: Round,
+    scale: float | None = None,
+) -> Problem:
     """The problem of the next round: its loss, the scale by the distances now, unless it is known, the farthest points
     without weight."""
-    if stage == Round("squared"):
+    if stage == Round("squared", settled=True):
         return problem
     distance = over_shards(problem.mesh, _distances, problem.shape, problem.points, feet)
     found, weights = _scale_and_weights(distance, weights, problem.size, stage)
     known = at_home(found, problem.mesh) if scale is None else jnp.asarray(scale, distance.dtype)
-    problem = eqx.tree_at(lambda p: (p.scale, p.weights), problem, (known, weights))
+    stiff = bending if stage.settled else STIFFER * bending
+    problem = eqx.tree_at(lambda p: (p.scale, p.weights, p.bending), problem, (known, weights, stiff))
     return Problem(**{**vars(problem), "loss": stage.loss})
 
 
@@ -104,7 +117,7 @@ def _scale_and_weights(distance: Array, weights: Array, size: Array, stage: Roun
     if stage.trimmed > 0:
         far = quantile(distance, weights > 0, jnp.asarray(1 - stage.trimmed, distance.dtype))
         weights = jnp.where(distance <= far, weights, 0)
-    noise = noise_scale(distance, weights) * (find_loss(stage.loss).deviations * stage.factor)
+    noise = noise_scale(distance, weights) * find_loss(stage.loss).deviations
     return jnp.maximum(noise, 1e-12 * size), weights
 
 
