@@ -31,7 +31,9 @@ from ._solve import Solved, solve
 
 _RENEWALS = 3
 _UNSETTLED = 6  # steps of a round from which the next one differs anyway
-_SIGNIFICANT = 0.1  # share of the gain that a free number owes to noise; steps that gain less for each are not taken
+# share of the gain that a free number owes to noise; after a step that gains less for each no other is taken: of nets, which
+# then glide into the noise, and of other shapes
+_SIGNIFICANT, _FINE = 0.1, 0.01
 
 
 def fit(
@@ -116,7 +118,7 @@ def fit(
         problem = eqx.tree_at(lambda p: p.shape, problem, shape)
     feet = _first_feet(shape, cloud, places, parameters if known else start, "parameters" if known else "start")
     options = {"max_steps": max_steps, "release": release, "phase": phase, "solver": solver}
-    options["rtol"] = usual_tolerance(problem.rest.size, cloud.count) if rtol is None else rtol
+    options["rtol"] = usual_tolerance(problem, cloud.count) if rtol is None else rtol
     total, freed = np.int32(0), jnp.zeros((), places.dtype)
     found: Solved | None = None
     bent = problem.bending
@@ -259,9 +261,9 @@ def _counting(cloud: ShardedPoints, weights: np.ndarray) -> bool:
     return bool(np.all(weights >= 0) and cloud.summed(np.asarray(np.sum(weights > 0))) > 0)
 
 
-def usual_tolerance(numbers: int, points: int) -> float:
-    """The relative gain of a step that so many free numbers owe to the noise of the points; smaller ones mean nothing."""
-    return max(1e-5, _SIGNIFICANT * numbers / points)
+def usual_tolerance(problem: Problem, points: int) -> float:
+    """The relative gain of a step that the free numbers owe to the noise of so many points; smaller ones mean nothing."""
+    return max(1e-5, (_FINE if problem.penalty is None else _SIGNIFICANT) * problem.rest.shape[-1] / points)
 
 
 def check_options(fairness: float, bending: float | None, trimmed: float) -> None:

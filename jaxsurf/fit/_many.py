@@ -22,7 +22,6 @@ from ._implicit import with_derivatives
 from ._lanes import solve_all
 from ._losses import find_loss
 from ._pose import Round, posed, staged, stages
-from ._problem import free_leaves, unknowns_of
 
 _TOGETHER = 4096  # points of scans that are worked on side by side: they stay in the caches
 _TURNS = 4  # steps by which feet follow a step of the solver: all wait for the slowest
@@ -69,8 +68,6 @@ def fit_many(
     first = jax.tree.map(lambda x: x[0] if eqx.is_array(x) else x, shapes)
     conditions = bound_to(first, (fixed,) if callable(fixed) else tuple(fixed))
     pose = {"fairness": fairness, "bending": bending, "free": free, "fixed": conditions, "sliding": sliding}
-    if rtol is None:
-        rtol = usual_tolerance(unknowns_of(first, free_leaves(first, free)).size, points.shape[1])
     steering = {"rtol": rtol, "release": release, "max_steps": max_steps}
     return _fit_many(shapes, points, weights, pose, stages(loss, trimmed), steering)
 
@@ -92,6 +89,8 @@ def _fit_many(
     feet = each(nearest_samples)(shapes, points)
     steps, freed, found = jnp.zeros(points.shape[0], jnp.int32), jnp.zeros(points.shape[0], points.dtype), None
     bent = problems.bending
+    if steering["rtol"] is None:
+        steering = {**steering, "rtol": usual_tolerance(problems, points.shape[1])}
     for stage in rounds:
         put = lambda problem, feet, weights, bent, stage=stage: staged(problem, feet, weights, bent, stage)
         problems = each(put)(problems, feet, weights, bent)
