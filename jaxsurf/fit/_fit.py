@@ -10,6 +10,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from .. import _safe
 from .._array import Numbers, as_float, concrete, is_concrete
 from .._errors import InputError
 from .._progress import Progress, silent
@@ -148,11 +149,15 @@ def fit(
         problem = attached(problem, *asked)
         shape = problem.member(with_derivatives(problem, found.theta, feet))
         foot = (foot_at if known else feet_with_derivatives)(shape, problem.points, feet)
+        foot = _from_own_places(foot, problem.points) if known else foot
         deviation = Deviation(foot.distance)
     else:
         if conditions:
             _check_kept(problem, at_home(found.theta, mesh))
         foot, deviation = _at_feet(shape, cloud, feet)
+        if known:
+            foot = _from_own_places(foot, cloud.home(cloud.points))
+            deviation = eqx.tree_at(lambda d: d.signed, deviation, foot.distance)
         problem = _at_home(problem, cloud)
     return Fit(shape, foot, deviation, result, jnp.asarray(total, jnp.int32), found.stopped, problem)
 
@@ -176,7 +181,8 @@ def _solved(problem: Problem, feet: Float[Array, "N k"], options: dict[str, Any]
     """By one linear solve where the objective is quadratic, else step by step."""
     net = isinstance(problem.shape, BSplineSurface) and problem.free == (True, False, False)
     quadratic = problem.held and net and problem.loss == "squared" and not problem.fair
-    if not quadratic or problem.fixed or options["solver"] is not None or np.any(concrete_or_none(problem.rest)):
+    from_flat = is_concrete(problem.rest) and not np.any(concrete(problem.rest))
+    if not quadratic or not from_flat or problem.fixed or options["solver"] is not None:
         return solve(problem, feet, **options)
     assert problem.penalty is not None
     net = linear_fit(
@@ -186,14 +192,16 @@ def _solved(problem: Problem, feet: Float[Array, "N k"], options: dict[str, Any]
     return Solved(net.reshape(-1), feet, one, optx.RESULTS.successful, freely)
 
 
-def concrete_or_none(values: Array) -> Any:
-    """The values, or 1 where they cannot be looked at."""
-    return concrete(values) if is_concrete(values) else 1
-
-
 def _at_feet(shape: Any, cloud: ShardedPoints, feet: Array) -> tuple[Foot, Deviation]:
     foot = cloud.home(over_shards(cloud.mesh, _feet, shape, cloud.points, feet))
     return foot, Deviation(foot.distance, None if cloud.alone else cloud.counted)
+
+
+@eqx.filter_jit
+def _from_own_places(foot: Foot, points: Array) -> Foot:
+    """Distances of points to places that are not their feet, with the sign of the side."""
+    whole = _safe.norm(points - foot.points)
+    return eqx.tree_at(lambda f: f.distance, foot, jnp.where(foot.distance < 0, -whole, whole))
 
 
 def _at_home(problem: Problem, cloud: ShardedPoints) -> Problem:

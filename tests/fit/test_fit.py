@@ -3,9 +3,11 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optimistix as optx
 import pytest
 from fit_cases import dented, points_on, rms_distance, sheet
 from scipy.integrate import quad
+from scipy.interpolate import BSpline
 
 import jaxsurf as js
 from jaxsurf.basis import periodic_knots
@@ -254,3 +256,34 @@ def test_what_cannot_be_fitted_is_refused(options, message):
     options = {"points": EXACT, **options}
     with pytest.raises(js.InputError, match=message):
         js.fit(TRUTH, options.pop("points"), **options)
+
+
+# --- points of known parameters
+
+
+def test_points_of_known_parameters_need_one_linear_solve():
+    rng = np.random.default_rng(5)
+    u, v = rng.uniform(2, 5, 900), rng.uniform(0, 1, 900)
+    points = np.asarray(TRUTH(u, v)) + NOISE * rng.normal(size=(900, 3))
+    uv = np.stack([u, v], -1)
+    found = js.fit(dented(TRUTH, 3, depth=2.0), points, parameters=uv, bending=0.0)
+    assert int(found.steps) == 1 and found.converged
+    basis = [BSpline.design_matrix(t, np.asarray(k), 3).toarray() for t, k in ((u, TRUTH.knots_u), (v, TRUTH.knots_v))]
+    rows = np.einsum("ni,nj->nij", *basis).reshape(900, 36)
+    expected = np.linalg.lstsq(rows, points, rcond=None)[0]
+    np.testing.assert_allclose(found.shape.control_points.reshape(36, 3), expected, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(np.abs(found.deviation), np.linalg.norm(points - rows @ expected, axis=1), rtol=0, atol=1e-8)
+    robust = js.fit(TRUTH, points, parameters=uv, loss="huber", bending=0.0)  # step by step
+    np.testing.assert_allclose(robust.shape.control_points, found.shape.control_points, rtol=0, atol=0.03)
+
+
+def test_another_minimiser_finds_the_same():
+    rng = np.random.default_rng(2)
+    direction = rng.normal(size=(200, 3))
+    points = [1, 2, 3] + 2 * direction / np.linalg.norm(direction, axis=1)[:, None] + 0.05 * rng.normal(size=(200, 3))
+    start = js.Sphere([1.1, 2.1, 2.9], 1.8)
+    ours, theirs = (js.fit(start, points, solver=s, rtol=1e-12, max_steps=200) for s in (None, optx.BFGS(1e-10, 1e-12)))
+    np.testing.assert_allclose(theirs.shape.radius, ours.shape.radius, rtol=1e-7)
+    np.testing.assert_allclose(theirs.shape.center, ours.shape.center, rtol=0, atol=1e-7)
+    with pytest.raises(js.InputError, match="`solver` works with neither `fixed` nor"):
+        js.fit(start, points, solver=optx.BFGS(1e-10, 1e-12), fixed=js.FixedPoint((0.0, 0.0)))
