@@ -90,8 +90,6 @@ def read(path: Path) -> dict[str, Any]:
 
 def table(report: dict[str, Any]) -> str:
     """A Markdown table: a line for every figure, and the machine."""
-    machine = report["machine"]
-    versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items() if version)
     lines = [
         "| what | time | first call | figure | reached | holds |",
         "|---|---|---|---|---|---|",
@@ -108,19 +106,25 @@ def table(report: dict[str, Any]) -> str:
             what = (row["what"] + fewer, times, first) if i == 0 else ("", "", "")
             lines.append("| " + " | ".join([*what, _goal(figure), _reached(figure), _holds(figure)]) + " |")
     repeats = f"Medians of {report['repeats']} interleaved repeats, without the first call"
-    lines += ["", f"{repeats}; {machine['processor']}, {machine['cores']} cores; {versions}."]
+    lines += ["", f"{repeats}; {machine_line(report['machine'])}"]
     return "\n".join(lines)
 
 
-def refresh(readme: Path, name: str, report: dict[str, Any]) -> bool:
-    """Rewrite the block between `<!-- benchmark:name -->` and `<!-- /benchmark -->`; whether there is one."""
+def machine_line(machine: dict[str, Any]) -> str:
+    """Processor, cores and versions in a line."""
+    versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items() if version)
+    return f"{machine['processor']}, {machine['cores']} cores; {versions}."
+
+
+def refresh(readme: Path, name: str, text: str) -> bool:
+    """Put a table into the block between `<!-- benchmark:name -->` and `<!-- /benchmark -->`; whether there is one."""
     start, end = f"<!-- benchmark:{name} -->", "<!-- /benchmark -->"
-    text = readme.read_text() if readme.exists() else ""
-    before, found, rest = text.partition(start)
+    page = readme.read_text() if readme.exists() else ""
+    before, found, rest = page.partition(start)
     _, closed, after = rest.partition(end)
     if not found or not closed:
         return False
-    readme.write_text(f"{before}{start}\n{table(report)}\n{end}{after}")
+    readme.write_text(f"{before}{start}\n{text}\n{end}{after}")
     return True
 
 
