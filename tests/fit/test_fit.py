@@ -208,7 +208,7 @@ def test_the_noise_scale_is_that_of_the_majority():
     everyone = noise_scale(distance, jnp.ones(5000))
     counted = noise_scale(distance, jnp.asarray(np.arange(5000) < 4000, float))
     np.testing.assert_allclose(counted, 0.02, rtol=0.05)
-    assert counted < everyone < 0.03
+    np.testing.assert_allclose(everyone, 0.02, rtol=0.05)  # what is far off is left out
 
 
 def test_figures_of_deviations():
