@@ -1,5 +1,6 @@
 """Fit the control data of a shape to measured points."""
 
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -12,13 +13,13 @@ from jaxtyping import Array, Float
 
 from .. import _safe
 from .._array import Numbers, as_float, concrete, is_concrete
-from .._errors import InputError
+from .._errors import GeometryWarning, InputError
 from .._progress import Progress, silent
 from ..curve import AbstractCurve
 from ..query import Foot, closest_point, feet_with_derivatives, foot_at
 from ..surface import AbstractSurface, BSplineSurface, QISurface
 from ._deviation import Deviation
-from ._fixed import bound_to
+from ._fixed import AbstractCondition, bound_to
 from ._found import Fit, attached, frozen, given_way
 from ._implicit import with_derivatives
 from ._linear import linear_fit
@@ -153,7 +154,7 @@ def fit(
         deviation = Deviation(foot.distance)
     else:
         if conditions:
-            _check_kept(problem, at_home(found.theta, mesh))
+            _check_kept(problem, at_home(found.theta, mesh), asked[0])
         foot, deviation = _at_feet(shape, cloud, feet)
         if known:
             foot = _from_own_places(foot, cloud.home(cloud.points))
@@ -231,13 +232,17 @@ def _moved(shape: Any, theta: Array, free: tuple[bool, ...]) -> Any:
     return moved(shape, theta, free)
 
 
-def _check_kept(problem: Problem, theta: Array) -> None:
+def _check_kept(problem: Problem, theta: Array, start: Any) -> None:
     left = np.abs(concrete(_violation(problem, theta)))
     if left.size and not left.max() < 1e-6:
         raise InputError(
             f"`fixed` cannot be kept by this shape: condition {int(left.argmax()) + 1} of {left.size} is off by "
             f"{left.max():.3g}; the conditions contradict each other, or too little is free."
         )
+    for condition in problem.fixed:
+        complaint = condition.complaint(start, problem.member(theta)) if isinstance(condition, AbstractCondition) else None
+        if complaint:
+            warnings.warn(complaint, GeometryWarning, stacklevel=3)
 
 
 @eqx.filter_jit

@@ -7,10 +7,11 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .. import _safe
-from .._array import Numbers, as_float
+from .._array import Numbers, as_float, concrete
 from .._errors import InputError
 from ..audit._sides import SIDES
 from ..basis import BSplineBasis
@@ -31,6 +32,11 @@ class AbstractCondition(eqx.Module):
     def bound(self, shape: Any) -> "AbstractCondition":
         """The condition with what it takes from the shape that a fit starts from."""
         return self
+
+    def complaint(self, start: Any, shape: Any) -> str | None:
+        """What is wrong with a shape that keeps the condition, if anything is."""
+        del start, shape
+        return None
 
 
 def _length(shape: Any) -> Float[Array, ""]:
@@ -161,10 +167,20 @@ class TangentPlane(AbstractCondition):
             self.normal = as_float(normal)
 
     def bound(self, shape: Any) -> "TangentPlane":
-        if self.normal is not None:
-            return self
+        return self if self.normal is not None else TangentPlane(self.side, Rows(self._normals(shape)))
+
+    def _normals(self, shape: Any) -> Float[Array, "n 3"]:
         tangents = jax.vmap(lambda t: value_and_tangents(shape, t)[1])(_on_side(shape, self.side))
-        return TangentPlane(self.side, Rows(_safe.unit(jnp.cross(tangents[:, :, 0], tangents[:, :, 1]))))
+        return _safe.unit(jnp.cross(tangents[:, :, 0], tangents[:, :, 1]))
+
+    def complaint(self, start: Any, shape: Any) -> str | None:
+        facing = jnp.sum(self._normals(start) * self._normals(shape), axis=1)
+        if np.all(concrete(facing) >= 0):
+            return None
+        return (
+            f"The surface keeps its tangent planes along {self.side!r}, but has folded over there to come nearer to points "
+            "that lie otherwise: give more `bending`, or planes that suit the points."
+        )
 
     def __call__(self, shape: Any) -> Float[Array, "2 n"]:
         rows = _on_side(shape, self.side)

@@ -77,12 +77,13 @@ class Round(NamedTuple):
 def stages(loss: str, trimmed: float) -> tuple[Round, ...]:
     """The rounds of a fit, each with the noise found anew. A loss that forgets far points has minima of its own about every
     group of points: it starts from the better half of the points, found in rounds of its own, and from a stiffer shape
-    that does not reach out for the others. Source: Rousseeuw, Leroy, Robust regression and outlier detection, 1987."""
+    that does not reach out for the others. Borders then lie too far inside; a loss that lets no point go brings them back
+    first. Source: Rousseeuw, Leroy, Robust regression and outlier detection, 1987."""
     if loss == "squared" and trimmed == 0:
         return (Round("squared", settled=True),)
     if loss == "huber" and trimmed == 0:
         return (Round("huber", settled=True),) * 3
-    start = (Round("huber"), *[Round("squared", trimmed=0.5)] * _HALVINGS)
+    start = (Round("huber"), *[Round("squared", trimmed=0.5)] * _HALVINGS, Round("cauchy", settled=True))
     if trimmed > 0:
         return (*start, *[Round("squared" if loss == "tukey" else loss, trimmed, settled=True)] * _TRIMMINGS)
     return (*start, Round(loss, settled=True), Round(loss, settled=True))

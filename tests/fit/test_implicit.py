@@ -15,14 +15,15 @@ STEP = 1e-3
 WAY = np.random.default_rng(3).normal(size=POINTS.shape)
 
 
-def slope(height, x, way):
+def slope(height, x, way, step=STEP):
     """Difference quotient of fourth order."""
-    at = lambda s: float(height(x + s * STEP * way))
-    return (8 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12 * STEP)
+    at = lambda s: float(height(x + s * step * way))
+    return (8 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12 * step)
 
 
 def sphere_of(points, **options):
-    return js.fit(js.Sphere([7.4, -2.5, 3.8], 2.0), points, rtol=1e-15, **options).shape
+    """Taken as far as rounding lets it."""
+    return js.fit(js.Sphere([7.4, -2.5, 3.8], 2.0), points, rtol=0.0, max_steps=25, **options).shape
 
 
 def on_sphere():
@@ -39,7 +40,7 @@ def test_a_radius_by_the_points(loss):
     gradient = jax.grad(radius)(points)
     if loss == "squared":  # the scale of a robust loss is held, differences move it
         way = np.random.default_rng(1).normal(size=points.shape)
-        np.testing.assert_allclose(np.sum(gradient * way), slope(radius, points, way), rtol=1e-7)
+        np.testing.assert_allclose(np.sum(gradient * way), slope(radius, points, way, 3e-3), rtol=1e-7)
     # moving all points outwards from the centre by one grows the radius by one
     centre = np.asarray(sphere_of(points, loss=loss).center)
     outwards = (points - centre) / np.linalg.norm(points - centre, axis=1)[:, None]
@@ -51,8 +52,9 @@ def test_a_radius_by_the_points(loss):
 def test_a_radius_by_the_weights():
     points, weights = on_sphere(), np.random.default_rng(4).uniform(0.5, 2, 100)
     radius = lambda w: sphere_of(points, weights=w).radius
-    gradient, way = jax.grad(radius)(weights), np.random.default_rng(1).uniform(-0.5, 0.5, 100)
-    np.testing.assert_allclose(np.sum(gradient * way), slope(radius, weights, way), rtol=1e-6)
+    gradient = jax.grad(radius)(weights)
+    way = 0.5 * np.sign(gradient)
+    np.testing.assert_allclose(np.sum(gradient * way), slope(radius, weights, way, 3e-3), rtol=1e-6)
     assert abs(np.sum(gradient * weights)) < 1e-12  # only their ratios count
 
 
