@@ -16,7 +16,7 @@ from .._registry import register
 from .._safe import divide, norm, unit
 from ..basis import BSplineBasis, check_knots, clamped_knots
 from ..quaternion import angular_velocity, blended_direction, blended_on_spans
-from ..quaternion._control import as_tolerance, check_directions, largest_angle, ready_angle
+from ..quaternion._control import ROUGH, as_tolerance, check_directions, largest_angle, ready_angle
 from ..quaternion._pieces import curve_layout, gauss_places, integral_matrix, powers_of_series
 from ._abstract import AbstractCurve
 from ._breaks import breaks, knot_breaks
@@ -83,6 +83,9 @@ class QICurve(AbstractCurve):
         if not is_concrete(data["tangents"]):
             data.setdefault("angle", self.angle)
         return QICurve(**data)
+
+    def roughened(self) -> "QICurve":
+        return self.replace(tolerance=max(ROUGH, self.tolerance))
 
     def renewed(self) -> "QICurve":
         if not is_concrete(self):
@@ -267,8 +270,16 @@ def _(count: int, primals: tuple[Array, ...], tangents: tuple[Any, ...]) -> tupl
         value, slope = _expanded(_block(rows, first, count), place, 1)
         slope = by_place * slope
     if not isinstance(by_rows, SymbolicZero):
-        slope = slope + _polynomial(count, by_rows, first, place)
+        # a single block: its transpose adds to all of its rows at once
+        slope = slope + _powers(place, count) @ _block(by_rows, first, count)
     return value, slope
+
+
+def _powers(x: Float[Array, ""], count: int) -> Float[Array, "n"]:
+    powers = [jnp.ones_like(x)]
+    for _ in range(count - 1):
+        powers.append(powers[-1] * x)
+    return jnp.stack(powers)
 
 
 def _block(rows: Float[Array, "r w"], first: Int[Array, ""], count: int) -> Float[Array, "n w"]:

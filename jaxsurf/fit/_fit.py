@@ -18,6 +18,7 @@ from .._progress import Progress, silent
 from ..curve import AbstractCurve
 from ..query import Foot, closest_point, feet_with_derivatives, foot_at
 from ..surface import AbstractSurface, BSplineSurface, QISurface
+from ._chunks import CHUNK, over_chunks
 from ._deviation import Deviation
 from ._fixed import AbstractCondition, bound_to
 from ._found import Fit, attached, frozen, given_way
@@ -214,7 +215,16 @@ def _at_home(problem: Problem, cloud: ShardedPoints) -> Problem:
 
 
 def _nearest(shape: Any, points: Array) -> Float[Array, "N k"]:
+    return _nearest_by_chunks(shape, points) if points.shape[0] > CHUNK else _nearest_of_few(shape, points)
+
+
+def _nearest_of_few(shape: Any, points: Array) -> Float[Array, "N k"]:
     return closest_point(shape, points).parameters.reshape(points.shape[0], -1)
+
+
+@eqx.filter_jit
+def _nearest_by_chunks(shape: Any, points: Array) -> Float[Array, "N k"]:
+    return over_chunks(lambda _, rows, new: (None, _nearest_of_few(shape, rows)), None, points)[1]
 
 
 def _feet(shape: Any, points: Array, feet: Array) -> Foot:

@@ -61,8 +61,7 @@ def _sums(
     count = total(jnp.sum(weights), mesh)
     centre = total(weights @ points, mesh) / count
     cells = KnotCells(surface)
-    spans = [jax.vmap(basis.span)(parameters[:, i]) for i, basis in enumerate((cells.u, cells.v))]
-    slots, block_cell = sort_into_blocks(spans[0] * cells.count_v + spans[1], cells.count, _BLOCK)
+    slots, block_cell = sort_into_blocks(jax.vmap(cells.index)(*parameters.T), cells.count, _BLOCK)
     table = jnp.concatenate([parameters, points - centre[None, :], weights[:, None]], axis=1)
     table = jnp.concatenate([table, jnp.zeros_like(table[:1])])
 

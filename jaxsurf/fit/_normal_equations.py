@@ -13,12 +13,11 @@ from .._prepared import prepare
 from ..basis import BSplineBasis
 from ..surface import BSplineSurface
 from ._problem import Linearised, Problem
+from ._stand_in import NodeCells, derivatives_at_nodes, exact_gradient, stand_in_for
 
 _BLOCKS = (8, 64)  # least and most points of one knot cell that are multiplied together
 _GROUP = 4096  # points worked on at once; of a shape without structure
 _CHUNK = 256
-_UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])  # the numbers of a symmetric matrix
-_WHOLE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # and where they stand in it
 
 
 class Quadratic(NamedTuple):
@@ -42,8 +41,22 @@ def accumulate(
 ) -> tuple[Float[Array, "P"], Float[Array, "P P"]]:
     """Σ w Jᵀ(S − p) and Σ w JᵀRᵀRJ, J = ∂S/∂θ at the feet, R of `linearise`.
 
-    Any shape, a chunk of points at a time.
+    Any shape: by its stand-in, with the gradient exact, or from few points each with derivatives of its own.
     """
+    theta = problem.unknowns(shape)
+    cells = stand_in_for(shape, theta.size, parameters.shape[0])
+    if cells is None:
+        return _point_by_point(shape, problem, parameters, lines, weights)
+    d, numbers = lines.offset.shape[1], _weighed_metrics(lines, weights)
+    moved = derivatives_at_nodes(problem, theta, cells)
+    matrix = _sums_by_cells(cells, parameters, numbers, d)[1]
+    matrix = jnp.einsum("cxp,cxq->pq", moved, jnp.einsum("cxy,cyq->cxq", matrix, moved))
+    return exact_gradient(problem, theta, parameters, numbers[:, -d:]), matrix
+
+
+def _point_by_point(
+    shape: Any, problem: Problem, parameters: Float[Array, "N k"], lines: Linearised, weights: Float[Array, "N"]
+) -> tuple[Float[Array, "P"], Float[Array, "P P"]]:
     place = lambda member, *t: member.point(*t)
     jacobian_at = derivatives_by_unknowns(problem, problem.unknowns(shape), place)
     theta = problem.unknowns(shape)
@@ -96,45 +109,51 @@ def _(
     lines: Linearised,
     weights: Float[Array, "N"],
 ) -> tuple[Float[Array, "P"], Float[Array, "P P"]]:
-    """A B-spline net: points are sorted by knot cell, and each cell's dense block is a batch of small products."""
+    """A B-spline net, whose knot cells have points of their own: nothing stands in."""
     if problem.free != (True, False, False):
         return accumulate.dispatch(object)(shape, problem, parameters, lines, weights)
-    # of each point the symmetric 3 × 3 metric w RᵀR, six numbers, and the pull w Rᵀ (S − p) on the control points
-    weighed = weights[:, None, None] * lines.root
-    metric = [jnp.sum(lines.root[:, :, i] * weighed[:, :, j], axis=1) for i, j in zip(*_UPPER, strict=True)]
-    pull = jnp.sum(weighed * lines.offset[:, :, None], axis=1)
-    numbers = jnp.concatenate([jnp.stack(metric, axis=1), pull], axis=1)
-    return _by_cells(shape, parameters, numbers)
-
-
-def _products(values: Float[Array, "k q"], numbers: Float[Array, "k 9"]) -> tuple[Float[Array, "q 3"], Float[Array, "q r"]]:
-    """Σ_k values_kp numbers_kx of the last three numbers, and Σ_k values_kp values_kq numbers_kx of the first six."""
-    weighed = (values[:, :, None] * numbers[:, None, :6]).reshape(values.shape[0], -1)
-    return values.T @ numbers[:, 6:], values.T @ weighed
-
-
-def _by_cells(
-    shape: BSplineSurface, parameters: Float[Array, "N 2"], numbers: Float[Array, "N 9"]
-) -> tuple[Float[Array, "P"], Float[Array, "P P"]]:
     cells = KnotCells(shape)
-    first_u, first_v = (
-        jax.vmap(lambda t, b=basis: b.local(t)[0])(parameters[:, i]) for i, basis in enumerate((cells.u, cells.v))
-    )
-    slots, block_cell = sort_into_blocks(first_u * cells.count_v + first_v, cells.count)
+    gradient, matrix = _sums_by_cells(cells, parameters, _weighed_metrics(lines, weights), 3)
+    return cells.scatter(gradient, matrix)
+
+
+def _weighed_metrics(lines: Linearised, weights: Float[Array, "N"]) -> Float[Array, "N numbers"]:
+    """Of each point the symmetric metric w RᵀR, six numbers in space, and the pull w Rᵀ (S − p) on the place."""
+    weighed = weights[:, None, None] * lines.root
+    upper = np.triu_indices(lines.offset.shape[1])
+    metric = [jnp.sum(lines.root[:, :, i] * weighed[:, :, j], axis=1) for i, j in zip(*upper, strict=True)]
+    pull = jnp.sum(weighed * lines.offset[:, :, None], axis=1)
+    return jnp.concatenate([jnp.stack(metric, axis=1), pull], axis=1)
+
+
+def _sums_by_cells(
+    cells: "KnotCells | NodeCells", parameters: Float[Array, "N k"], numbers: Float[Array, "N m"], d: int
+) -> tuple[Float[Array, "cells td"], Float[Array, "cells td td"]]:
+    """For each cell the gradient and the matrix by the d coordinates of its places, coordinates innermost, from
+    `_weighed_metrics` of the points. Points are sorted by cell, and blocks of them are a batch of small products."""
+    slots, block_cell = sort_into_blocks(jax.vmap(cells.index)(*parameters.T), cells.count)
     gather = lambda x: jnp.concatenate([x, jnp.zeros_like(x[:1])])[slots]
-    terms, dtype = cells.terms, parameters.dtype
+    terms, dtype, each = cells.terms, parameters.dtype, numbers.shape[1] - d
 
     def add(sums: tuple[Array, Array], chunk: Any) -> tuple[tuple[Array, Array], None]:
-        t, numbers, cell = chunk
-        values = jax.vmap(jax.vmap(cells.values))(t[..., 0], t[..., 1])  # (group, block, terms)
-        gradient, matrix = jax.vmap(_products)(values, numbers)
+        t, numbers, cell = chunk  # (group, block, ...)
+        values = jax.vmap(jax.vmap(cells.values))(*jnp.moveaxis(t, -1, 0))
+        weighed = (values[..., None] * numbers[:, :, None, :each]).reshape(*values.shape[:2], -1)
+        gradient, matrix = (jnp.einsum("gbt,gbx->gtx", values, x) for x in (numbers[..., each:], weighed))
         return (sums[0].at[cell].add(gradient), sums[1].at[cell].add(matrix)), None
 
-    zero = (jnp.zeros((cells.count, terms, 3), dtype), jnp.zeros((cells.count, terms, 6 * terms), dtype))
+    zero = (jnp.zeros((cells.count, terms, d), dtype), jnp.zeros((cells.count, terms, each * terms), dtype))
     gradient, matrix = jax.lax.scan(add, zero, (gather(parameters), gather(numbers), block_cell))[0]
-    matrix = matrix.reshape(cells.count, terms, terms, 6)[..., _WHOLE]  # cell, i, j, a, b
-    matrix = jnp.swapaxes(matrix, 2, 3).reshape(cells.count, 3 * terms, 3 * terms)
-    return cells.scatter(gradient.reshape(cells.count, -1), matrix)
+    matrix = matrix.reshape(cells.count, terms, terms, each)[..., _where(d)]  # cell, i, j, a, b
+    matrix = jnp.swapaxes(matrix, 2, 3).reshape(cells.count, d * terms, d * terms)
+    return gradient.reshape(cells.count, -1), matrix
+
+
+def _where(d: int) -> np.ndarray:
+    """Where each entry of a symmetric matrix stands among those of its upper half."""
+    table = np.zeros((d, d), int)
+    table[np.triu_indices(d)] = np.arange(d * (d + 1) // 2)
+    return np.maximum(table, table.T)
 
 
 class KnotCells:
@@ -146,6 +165,10 @@ class KnotCells:
         self.count = self.count_u * self.count_v
         self.terms = (self.u.degree + 1) * (self.v.degree + 1)
         self.unknowns = shape.control_points.size
+
+    def index(self, u: Float[Array, ""], v: Float[Array, ""]) -> Int[Array, ""]:
+        """The cell of (u, v)."""
+        return self.u.span(u) * self.count_v + self.v.span(v)
 
     def values(self, u: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, "terms"]:
         """Products of the basis values that do not vanish at (u, v), u-major."""

@@ -4,10 +4,11 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..query import feet_with_derivatives, foot_at, refine_feet
 from ._background import background_terms
+from ._chunks import over_chunks
 from ._fairness import fairness_terms
 from ._normal_equations import Quadratic, accumulate
 from ._problem import Linearised, Problem, linearise
@@ -43,6 +44,20 @@ def data_terms(
 
 def _sums(problem: Problem, theta: Float[Array, "P"], feet: Float[Array, "N k"]) -> tuple[Quadratic, Float[Array, "N k"]]:
     shape = problem.member(theta)
+
+    def add(summed: Quadratic, rows: Any, new: Bool[Array, "n"]) -> tuple[Quadratic, Array]:
+        points, weights, feet = rows
+        chunk = eqx.tree_at(lambda p: (p.points, p.weights), problem, (points, jnp.where(new, weights, 0)))
+        more, feet = _chunk_sums(chunk, shape, feet)
+        return summed + more, feet
+
+    none = Quadratic(jnp.zeros((), theta.dtype), jnp.zeros_like(theta), jnp.zeros((theta.size,) * 2, theta.dtype))
+    summed, feet = over_chunks(add, none, (problem.points, problem.weights, feet))
+    unit = problem.unit()
+    return total(Quadratic(*(x / unit for x in summed)), problem.mesh), feet
+
+
+def _chunk_sums(problem: Problem, shape: Any, feet: Float[Array, "N k"]) -> tuple[Quadratic, Float[Array, "N k"]]:
     if problem.held:
         offset = foot_at(shape, problem.points, feet).points - problem.points
         d = offset.shape[1]
@@ -50,9 +65,9 @@ def _sums(problem: Problem, theta: Float[Array, "P"], feet: Float[Array, "N k"])
     else:
         feet = refine_feet(shape, problem.points, feet, problem.turns)
         lines = linearise(shape, feet, problem.points, problem.sliding)
-    distance = jnp.sqrt(jnp.sum(lines.offset**2, axis=-1))
-    weights, value = problem.point_weights(distance)
-    return total(Quadratic(value, *accumulate(shape, problem, feet, lines, weights)), problem.mesh), feet
+    square = jnp.sum(lines.offset**2, axis=-1)
+    weights = problem.point_weights(jnp.sqrt(square))
+    return Quadratic(problem.loss_of(square), *accumulate(shape, problem, feet, lines, weights)), feet
 
 
 def penalty_terms(problem: Problem, theta: Float[Array, "P"]) -> Quadratic:
@@ -86,4 +101,4 @@ def objective(problem: Problem, theta: Float[Array, "P"], feet: Float[Array, "N 
     at_feet = foot_at if problem.held else feet_with_derivatives
     offset = at_feet(shape, problem.points, feet).points - problem.points
     # the distance itself has no derivative at 0, its square has
-    return problem.loss_of(jnp.sum(offset**2, axis=-1)) + penalty_terms(problem, theta).value
+    return problem.loss_of(jnp.sum(offset**2, axis=-1)) / problem.unit() + penalty_terms(problem, theta).value

@@ -59,19 +59,19 @@ class Problem(eqx.Module):
         shape = self.member(theta)
         return jnp.concatenate([jnp.ravel(rows(shape)) for rows in self.fixed])
 
-    def point_weights(self, distance: Float[Array, "N"]) -> tuple[Float[Array, "N"], Float[Array, ""]]:
-        """Weights of the points in the normal equations, and the data term of the objective."""
+    def unit(self) -> Float[Array, ""]:
+        """size² Σ w, over all devices: what makes the objective free of units."""
+        return self.size**2 * total(jnp.sum(self.weights), self.mesh)
+
+    def point_weights(self, distance: Float[Array, "N"]) -> Float[Array, "N"]:
+        """Weights of the points in the normal equations, times `unit`."""
         loss: Loss = LOSSES[self.loss]
-        z = (distance / self.scale) ** 2
-        return self.weights * loss.weight(z) / self._unit(), self.loss_of(distance**2)
+        return self.weights * loss.weight((distance / self.scale) ** 2)
 
     def loss_of(self, square: Float[Array, "N"]) -> Float[Array, ""]:
-        """The data term of the objective by the squared distances."""
+        """The data term of the objective by the squared distances, times `unit`."""
         loss: Loss = LOSSES[self.loss]
-        return 0.5 * jnp.sum(self.weights * self.scale**2 * loss.value(square / self.scale**2)) / self._unit()
-
-    def _unit(self) -> Float[Array, ""]:
-        return self.size**2 * total(jnp.sum(self.weights), self.mesh)
+        return 0.5 * jnp.sum(self.weights * self.scale**2 * loss.value(square / self.scale**2))
 
 
 def moved(shape: Any, theta: Float[Array, "P"], free: tuple[bool, ...]) -> Any:

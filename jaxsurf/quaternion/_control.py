@@ -67,6 +67,10 @@ def ready_angle(angle: float | None) -> float:
     return math.radians(min(180, 10 * math.ceil(math.degrees(wanted) / 10 - 1e-9)))
 
 
+ROUGH = 1e-3
+"""How far directions may be off where places are asked for to a thousandth."""
+
+
 def as_tolerance(tolerance: float | None, dtype: Any) -> float:
     """How far directions may be off, by default 10⁻¹², 10⁻⁶ in single precision."""
     if tolerance is None:

@@ -19,7 +19,7 @@ from ..basis import BSplineBasis, check_knots, clamped_knots
 from ..curve import QICurve, combine
 from ..curve._quaternion_integral import horner, place_in_piece
 from ..quaternion import blended_direction, blended_on_spans
-from ..quaternion._control import angle_to_blend, as_tolerance, check_directions, largest_angle, ready_angle
+from ..quaternion._control import ROUGH, angle_to_blend, as_tolerance, check_directions, largest_angle, ready_angle
 from ..quaternion._pieces import (
     SURFACE_NODES as NODES,
     gauss_places,
@@ -122,6 +122,9 @@ class QISurface(AbstractSurface):
         if not is_concrete(data["tangents"]):
             data.setdefault("angles", (self.angle_u, self.angle_v))
         return QISurface(**data)
+
+    def roughened(self) -> "QISurface":
+        return self.replace(spine=self.spine.roughened(), tolerance=max(ROUGH, self.tolerance))
 
     def renewed(self) -> "QISurface":
         if not is_concrete(self):
