@@ -13,6 +13,7 @@ from ._fixed import (
     TangentPlane as TangentPlane,
 )
 from ._found import Fit as Fit
+from ._free_knots import FreeKnotCurve as FreeKnotCurve, FreeKnotSurface as FreeKnotSurface, free_knots as free_knots
 from ._many import fit_many as fit_many
 from ._outline import trim_to_cloud as trim_to_cloud
 from ._parametrise import Parametrisation as Parametrisation, parametrise as parametrise
