@@ -57,10 +57,8 @@ def accumulate(
 def _point_by_point(
     shape: Any, problem: Problem, parameters: Float[Array, "N k"], lines: Linearised, weights: Float[Array, "N"]
 ) -> tuple[Float[Array, "P"], Float[Array, "P P"]]:
-    place = lambda member, *t: member.point(*t)
-    jacobian_at = derivatives_by_unknowns(problem, problem.unknowns(shape), place)
-    theta = problem.unknowns(shape)
-    count = parameters.shape[0]
+    theta, count = problem.unknowns(shape), parameters.shape[0]
+    jacobian_at = derivatives_by_unknowns(problem, theta, lambda member, *t: member.point(*t))
     groups = -(-count // _CHUNK)
     pad = lambda x: jnp.pad(x, [(0, groups * _CHUNK - count)] + [(0, 0)] * (x.ndim - 1), mode="edge")
     grouped = lambda x: pad(x).reshape(groups, _CHUNK, *x.shape[1:])
