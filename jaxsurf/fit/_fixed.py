@@ -74,6 +74,8 @@ def _greville(basis: BSplineBasis) -> Float[Array, "n"]:
 
 def _on_side(surface: Any, side: str) -> Float[Array, "n 2"]:
     """Parameters along a side."""
+    if isinstance(surface, AbstractCurve):
+        raise InputError(f"`fixed` names the side {side!r}, but the shape is a curve; hold its ends by `FixedPoint`.")
     axis = "uv".index(side[0])
     running = _resolving(surface, 1 - axis)
     end = jnp.broadcast_to(jnp.asarray(surface.domain[axis][int(side[1])], surface.dtype), running.shape)

@@ -136,3 +136,7 @@ def test_conditions_that_mean_nothing_are_refused():
         js.Symmetry((0, 0, 0), (1, 0, 0), along="x")
     with pytest.raises(js.InputError, match="must be given both"):
         js.PlanarEdge("u0", point=(0, 0, 0))
+    curve = js.BSplineCurve(TRUTH.control_points[:, 0], TRUTH.knots_u, 3)
+    for fixed in (js.FixedEdge("u0"), js.TangentPlane("u0"), js.PlanarEdge("u1"), js.StraightEdge("u1")):
+        with pytest.raises(js.InputError, match="`fixed` names the side 'u.', but the shape is a curve"):
+            js.fit(curve, POINTS, fixed=fixed)
