@@ -26,7 +26,7 @@ from ._implicit import with_derivatives
 from ._linear import linear_fit
 from ._losses import find_loss
 from ._pose import posed, staged, stages
-from ._problem import Problem, moved
+from ._problem import Free, Problem, moved
 from ._shard import at_home, mesh_of, over_shards
 from ._sharded_points import ShardedPoints, check_finite, whole_points
 from ._snapshot import Snapshot
@@ -238,7 +238,7 @@ def _telling(progress: Progress, turn: int, scale: Array) -> Progress:
 
 
 @eqx.filter_jit
-def _moved(shape: Any, theta: Array, free: tuple[bool, ...]) -> Any:
+def _moved(shape: Any, theta: Array, free: Free) -> Any:
     return moved(shape, theta, free)
 
 

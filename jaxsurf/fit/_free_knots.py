@@ -95,8 +95,8 @@ class FreeKnotSurface(AbstractSurface):
 
     def spline(self) -> BSplineSurface:
         """The surface on its present knots."""
-        pair = (self.along_u, self.along_v)
-        return BSplineSurface(self.control_points, *(way.knots() for way in pair), *(way.degree for way in pair))
+        u, v = self.along_u, self.along_v
+        return BSplineSurface(self.control_points, u.knots(), v.knots(), u.degree, v.degree)
 
     @property
     def domain(self) -> tuple[tuple[Any, Any], tuple[Any, Any]]:

@@ -15,7 +15,7 @@ from ..query import foot_at
 from ..surface import AbstractSurface, BSplineSurface, NURBSSurface, QISurface
 from ._bending import bending_of
 from ._losses import find_loss, noise_scale
-from ._problem import Problem, free_leaves, unknowns_of
+from ._problem import Free, Problem, free_leaves, unknowns_of
 from ._quantile import quantile
 from ._shard import at_home, over_shards
 
@@ -128,7 +128,7 @@ def diagonal(points: Array) -> Float[Array, ""]:
     return jnp.sqrt(jnp.sum((jnp.max(points, axis=0) - jnp.min(points, axis=0)) ** 2))
 
 
-def _rest(shape: Any, rest: Any, free: tuple[bool, ...]) -> Float[Array, "P"]:
+def _rest(shape: Any, rest: Any, free: Free) -> Float[Array, "P"]:
     """Unknowns of the shape at rest."""
     if rest is not None and jax.tree.map(jnp.shape, rest) != jax.tree.map(jnp.shape, shape):
         raise InputError("`rest` must be a shape of the same class and sizes as `shape`; insert the knots that it lacks.")

@@ -11,16 +11,22 @@ from jaxtyping import Array, Float
 from .. import _safe
 from .._array import map_points
 from .._errors import InputError
+from ..curve import NURBSCurve
 from ..query import held_parameters, value_and_tangents
+from ..surface import NURBSSurface
 from ._losses import LOSSES, Loss
 from ._shard import total
+
+Free = tuple[bool | str, ...]
+"""For each leaf of a shape: whether it is free, and "log" where its logarithm is, which keeps it positive."""
 
 
 class Problem(eqx.Module):
     """Fit the free leaves of `shape` to `points`.
 
-    The unknowns θ are the free leaves, flattened in order; `shape` holds their start and all that is fixed. The objective
-    is ½ Σ w s² ρ(d²/s²) / (size² Σ w) plus half the penalties, d the distance to the foot point, and so without unit.
+    The unknowns θ are the free leaves, flattened in order, of rational weights the logarithms; `shape` holds their start and
+    all that is fixed. The objective is ½ Σ w s² ρ(d²/s²) / (size² Σ w) plus half the penalties, d the distance to the foot
+    point, and so without unit.
     weights: (N,) ≥ 0; scale: s of the loss; bending and fairness: weights of the two penalties; sliding: see
     `linearise`; rest: the θ at which nothing is bent, 0 for a flat sheet; penalty: the bending matrix of the control
     points, which are the first leaf, or `None`; fixed: functions of the shape that are to vanish; held: whether points
@@ -39,7 +45,7 @@ class Problem(eqx.Module):
     rest: Float[Array, "P"]
     penalty: Float[Array, "q q"] | None
     fixed: tuple[Callable[[Any], Any], ...]
-    free: tuple[bool, ...] = eqx.field(static=True)
+    free: Free = eqx.field(static=True)
     loss: str = eqx.field(static=True)
     fair: bool = eqx.field(static=True)
     held: bool = eqx.field(static=True, default=False)
@@ -74,24 +80,27 @@ class Problem(eqx.Module):
         return 0.5 * jnp.sum(self.weights * self.scale**2 * loss.value(square / self.scale**2))
 
 
-def moved(shape: Any, theta: Float[Array, "P"], free: tuple[bool, ...]) -> Any:
+def moved(shape: Any, theta: Float[Array, "P"], free: Free) -> Any:
     """The shape with its free leaves filled from θ."""
     leaves, structure = jax.tree.flatten(shape)
     filled, at = [], 0
     for leaf, moves in zip(leaves, free, strict=True):
-        filled.append(theta[at : at + leaf.size].reshape(leaf.shape) if moves else leaf)
-        at += leaf.size if moves else 0
+        if moves:
+            value = theta[at : at + leaf.size].reshape(leaf.shape)
+            leaf, at = jnp.exp(value) if moves == "log" else value, at + leaf.size
+        filled.append(leaf)
     return jax.tree.unflatten(structure, filled)
 
 
-def unknowns_of(shape: Any, free: tuple[bool, ...]) -> Float[Array, "P"]:
+def unknowns_of(shape: Any, free: Free) -> Float[Array, "P"]:
     """The free leaves of a shape, flattened in order."""
     leaves = zip(jax.tree.leaves(shape), free, strict=True)
-    return jnp.concatenate([leaf.reshape(-1) for leaf, moves in leaves if moves])
+    return jnp.concatenate([(jnp.log(leaf) if moves == "log" else leaf).reshape(-1) for leaf, moves in leaves if moves])
 
 
-def free_leaves(shape: Any, where: Callable[[Any], Any] | None) -> tuple[bool, ...]:
-    """Which leaves of a shape may move: all arrays but knots, or those that `where` picks from the shape.
+def free_leaves(shape: Any, where: Callable[[Any], Any] | None) -> Free:
+    """Which leaves of a shape may move: all arrays but knots, or those that `where` picks from the shape. Rational weights
+    stay positive.
 
     Raises `InputError` if nothing is free.
     """
@@ -107,7 +116,15 @@ def free_leaves(shape: Any, where: Callable[[Any], Any] | None) -> tuple[bool, .
         free = tuple(jax.tree.leaves(chosen))
     if not any(free):
         raise InputError("`free` leaves nothing to fit: it must pick at least one array of the shape.")
-    return free
+    return tuple("log" if moves and weights else moves for moves, weights in zip(free, _weights(shape), strict=True))
+
+
+def _weights(shape: Any) -> list[bool]:
+    """Which leaves are the weights of rational shapes."""
+    rational = lambda node: isinstance(node, NURBSCurve | NURBSSurface)
+    none = lambda node: jax.tree.map(lambda _: False, node)
+    mark = lambda node: eqx.tree_at(lambda n: n.weights, none(node), True) if rational(node) else False
+    return jax.tree.leaves(jax.tree.map(mark, shape, is_leaf=rational))
 
 
 class Linearised(eqx.Module):

@@ -25,9 +25,10 @@ _CHUNK = 256
 class Uncertainty(eqx.Module):
     """Covariances of what a fit found, to first order in the noise.
 
-    covariance: (P, P) of the free numbers, in the order of the leaves of the shape, as far as the points see them: gliding
-    along the shape has none. noise: standard deviation of a measurement of weight 1; numbers: how many free numbers the
-    points really determine, less than P where fairness and bending hold some; problem: what was fitted.
+    covariance: (P, P) of the free numbers, in the order of the leaves of the shape, of rational weights the logarithms, as
+    far as the points see them: gliding along the shape has none. noise: standard deviation of a measurement of weight 1;
+    numbers: how many free numbers the points really determine, less than P where fairness and bending hold some; problem:
+    what was fitted.
     The points' errors are taken as independent, along the normal, with variances noise² / weight, the loss and what holds
     the shape (bending, fairness, what is fixed, and how far the net was free to glide until the last step, which lets it fit
     noise) as part of the estimate: cov = noise² A⁻¹ M A⁻¹ with the Gauss-Newton
