@@ -114,6 +114,11 @@ def _(rng: np.random.Generator) -> Case:
     return Case(js.BSplineCurve(_points(rng, 5, 3), PERIODIC, 3, periodic=True), {"fewer points than knots": few})
 
 
+@case(CURVES, "FreeKnotCurve")
+def _(rng: np.random.Generator) -> Case:
+    return Case(js.free_knots(js.BSplineCurve(_points(rng, 8, 3), UNEVEN, 3)))
+
+
 @case(CURVES, "NURBSCurve")
 def _(rng: np.random.Generator) -> Case:
     points, weights = _points(rng, 8, 3), rng.uniform(0.5, 2, 8)
@@ -226,6 +231,11 @@ def _(rng: np.random.Generator) -> Case:
 def _(rng: np.random.Generator) -> Case:
     net = _points(rng, 4, 5, 3)
     return Case(js.BSplineSurface(net, SEAM, PERIODIC, 2, 3, periodic_u=True, periodic_v=True))
+
+
+@case(SURFACES, "FreeKnotSurface")
+def _(rng: np.random.Generator) -> Case:
+    return Case(js.free_knots(js.BSplineSurface(_points(rng, 8, 5, 3), UNEVEN, clamped(2, 2.9, 4.1), 3, 2)))
 
 
 @case(SURFACES, "NURBSSurface")
